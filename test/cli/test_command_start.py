@@ -1,14 +1,74 @@
-"""Ctrl-C ends a command also where Python ignores the first one."""
+"""Ctrl-C ends a command quietly with 130, whatever it is doing."""
 
+import os
 import signal
 import threading
 import time
 from types import SimpleNamespace
 
 import pytest
+from forked import run_forked
 from waiting import DEADLINE
 
 from g1_description.cli import start as command_start
+
+
+def run_command(monkeypatch, main, importing=int, handler=signal.default_int_handler):
+    """Run a command in a process of its own, and what its import does."""
+
+    def import_module(name, package):
+        importing()
+        return SimpleNamespace(main=main)
+
+    def program():
+        signal.signal(signal.SIGINT, handler)
+        monkeypatch.setattr(command_start.importlib, "import_module", import_module)
+        command_start.run("some.command", "interrupted at its work.")
+
+    return run_forked(program)
+
+
+def interrupt():
+    os.kill(os.getpid(), signal.SIGINT)
+    threading.Event().wait(DEADLINE)
+
+
+def fail():
+    raise ValueError("at work")
+
+
+@pytest.mark.parametrize(
+    ("main", "importing", "code", "out", "told"),
+    [
+        (print, interrupt, 130, "", ""),
+        (interrupt, int, 130, "", "command: interrupted at its work.\n"),
+        (print, int, 0, "\n", ""),
+    ],
+    ids=["import", "work", "none"],
+)
+def test_an_interrupt_ends_it_with_130(monkeypatch, main, importing, code, out, told):
+    run = run_command(monkeypatch, main, importing)
+    assert (run.returncode, run.stdout, run.stderr) == (code, out, told)
+
+
+def test_other_errors_are_not_interrupts(monkeypatch):
+    run = run_command(monkeypatch, fail)
+    assert run.returncode == 1 and "ValueError: at work" in run.stderr
+
+
+def test_errors_after_a_signal_has_ended_the_node_are_quiet(monkeypatch):
+    monkeypatch.setattr(command_start, "is_shut_down", lambda: True)
+    run = run_command(monkeypatch, fail)
+    assert (run.returncode, run.stderr) == (130, "command: interrupted at its work.\n")
+
+
+def test_a_command_whose_parent_ignores_ctrl_c_ignores_it(monkeypatch):
+    def main():
+        os.kill(os.getpid(), signal.SIGINT)
+        print("goes on")
+
+    run = run_command(monkeypatch, main, handler=signal.SIG_IGN)
+    assert (run.returncode, run.stdout, run.stderr) == (0, "goes on\n", "")
 
 
 def test_an_interrupt_that_python_ignored_comes_again(capfd):

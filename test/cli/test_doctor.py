@@ -242,9 +242,11 @@ def test_nodes_that_answer_are_known(monkeypatch):
         ("http://nowhere.invalid:1/", "wrong_node_address"),
         ("nonsense", "wrong_node_address"),
         ("http://127.0.0.1:1/", "dead_node"),
+        ("http://198.51.100.7:1/", "wrong_node_address"),  # nobody's
     ],
 )
 def test_nodes_that_do_not_answer(monkeypatch, uri, name):
+    monkeypatch.setattr(doctor, "WAIT", 2.0)
     _, found = ask_nodes(monkeypatch, {"/a": uri}, {"/tf": ["/a"]}, {}, {})
     assert found.name == name and "/a" in found.sentence
 
@@ -386,3 +388,104 @@ def test_meshes_that_are_missing():
     assert cure("file:///here/meshes/a.stl") == "git -C /here checkout -- meshes"
     assert "model:=FILE" in cure("file:///there/a.stl", "file:///here/a.stl")
     assert "workspace with robots" in cure("package://robots/a.stl")
+
+
+@pytest.mark.parametrize(
+    ("check", "topic", "name"),
+    [
+        (doctor.check_time, "/clock", "silent_clock"),
+        (doctor.check_link_states, "/gazebo/link_states", "silent_simulator"),
+        (doctor.check_joint_states, "/joint_states", "no_joint_states"),
+    ],
+)
+def test_a_topic_without_messages_is_silent(monkeypatch, check, topic, name):
+    system = doctor.System("")
+    monkeypatch.setattr(system, "parameter", lambda name, default=None: default)
+    monkeypatch.setattr(doctor, "first_message", lambda topic, kind: None)
+    system.publishers[topic], system.pids["/node"] = ["/node"], 7
+    found = check(system)
+    assert found.name == name and "/node runs, but there was no mess" in found.sentence
+    cure = "rosnode kill /node" if name == "no_joint_states" else "kill 7"
+    assert topic in found.sentence and found.cure.startswith(cure)
+
+
+@pytest.mark.parametrize(
+    ("services", "parameters", "screen", "told"),
+    [
+        ({"/rviz/reload_shaders": ["/rviz"]}, {}, ":0", "/rviz"),
+        ({}, dict.fromkeys(doctor.PAGE_PARAMETERS, 0), ":0", "/web"),
+        ({}, {"port": 8080}, ":0", "no_picture"),
+        ({}, {}, "", "not needed without a screen"),
+    ],
+)
+def test_rviz_and_the_browser_view_show_the_robot(
+    monkeypatch, services, parameters, screen, told
+):
+    """The browser view counts before a page is open: its parameters tell it."""
+    system = doctor.System("")
+    system.services.update(services)
+    system.pids["/web"] = 7
+    known = {"/web": parameters}
+    monkeypatch.setattr(system, "parameter", lambda name, default: known[name])
+    monkeypatch.setenv("DISPLAY", screen)
+    found = doctor.check_picture(system)
+    assert getattr(found, "name", found).startswith(told)
+
+
+BRIDGE_SAYS = {0: None, 2: "bad_diagnostics", None: "no_diagnostics"}
+
+
+@pytest.mark.parametrize("level", [*BRIDGE_SAYS])
+def test_the_bridge_reports_what_is_wrong_or_nothing(monkeypatch, level):
+    status = SimpleNamespace(name="bridge: link states", level=level, message="none")
+    heard = [("/diagnostics", "/bridge", SimpleNamespace(status=[status]))]
+    others = [("/diagnostics", "/other", SimpleNamespace(status=[]))]
+    given = others if level is None else others + heard
+    monkeypatch.setattr(doctor, "listen", lambda topics, is_enough: given)
+    system = doctor.System("")
+    system.publishers["/tf_joint_states"] = ["/bridge"]
+    found = doctor.check_diagnostics(system)
+    assert getattr(found, "name", None) == BRIDGE_SAYS[level]
+    if level:
+        assert "/bridge reports on /diagnostics: bridge: link states: none" in str(
+            found
+        )
+
+
+def test_a_bag_needs_no_bridge(monkeypatch):
+    def nodes(system):
+        system.publishers["/joint_states"] = ["/bag"]
+        return "1 answers"
+
+    monkeypatch.setattr(doctor, "CHECKS", [("nodes", "", nodes), ("bridge", "", None)])
+    found = [*doctor.run_checks("", ["nodes", "bridge"])]
+    assert [one.state for one in found] == [doctor.OK, doctor.OK]
+    assert found[1].remark == "not needed, joint states come from /bag"
+
+
+FAULT = doctor.Fault("no_tf", "TF lacks all.", "rosnode kill /rsp")
+LINES = """\
+ok             nodes            all answer (2)
+broken         tf               TF is complete (no_tf)
+not looked at  picture          RViz runs
+
+doctor: TF lacks all.
+        rosnode kill /rsp
+"""
+
+
+@pytest.mark.parametrize(
+    ("tf", "code", "told"), [(FAULT, 1, LINES), ("", 0, "\ndoctor: no fault found.\n")]
+)
+def test_the_command_prints_the_links_and_the_cure(monkeypatch, capsys, tf, code, told):
+    checks = [
+        ("nodes", "all answer", lambda system: "2"),
+        ("tf", "TF is complete", lambda system: tf),
+        ("picture", "RViz runs", lambda system: ""),
+    ]
+    monkeypatch.setattr(doctor, "CHECKS", checks)
+    monkeypatch.setattr(sys, "argv", ["doctor", "__name:=other"])
+    with pytest.raises(SystemExit) as end:
+        doctor.main()
+    assert end.value.code == code
+    assert capsys.readouterr().out.endswith(told)

@@ -9,6 +9,7 @@ import pytest
 pytest.importorskip("rospy", reason="rospy is not installed")
 Image = pytest.importorskip("PIL.Image", reason="Pillow is not installed")
 
+from g1_description.cli import film  # noqa: E402
 from g1_description.cli import snapshot as command  # noqa: E402
 from g1_description.cli.film import (  # noqa: E402
     check_length,
@@ -20,6 +21,7 @@ from g1_description.cli.film import (  # noqa: E402
     write_video,
 )
 from g1_description.errors import InvalidValueError  # noqa: E402
+from g1_description.ros.waiting import NoAnswerError  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
 ELBOW = "left_elbow_joint"
@@ -268,6 +270,30 @@ def test_a_file_that_cannot_be_written_stays_as_it_was(tmp_path, monkeypatch):
         write_picture(out, frames(1)[0])
     assert [path.name for path in tmp_path.iterdir()] == ["a.png"]
     assert out.read_text() == "old"
+
+
+def test_a_film_goes_on_after_a_reset_and_waits_as_long_as_the_clock_advances(
+    monkeypatch,
+):
+    """Each reading of the clock takes as long as it may stand still."""
+    clock = iter([5.0, 5.0, 9.0, 9.5, 1.0, 2.0, 3.5, 3.5, 8.0])
+    now = [next(clock)]
+
+    def wait(changed, timeout):
+        now[0] = next(clock)
+        return changed()
+
+    monkeypatch.setattr(film, "wait_until", wait)
+    monkeypatch.setattr(film.rospy, "get_time", lambda: now[0])
+    stopwatch = film._Stopwatch()
+    with pytest.raises(NoAnswerError, match=r"did not advance for 10 s \(it is at 5 s"):
+        stopwatch.wait(1.0)
+    stopwatch.wait(4.0)
+    assert now[0] == 9.0
+    stopwatch.wait(7.0)
+    assert now[0] == 3.5
+    with pytest.raises(NoAnswerError, match=r"it is at 3.5 s\); is time paused\?"):
+        stopwatch.wait(7.1)
 
 
 def test_a_film_is_not_longer_than_there_is_room_for():

@@ -1,30 +1,42 @@
-"""RViz shows the robot: whole, upright, in its colours, and as its joints stand.
+"""RViz shows one robot, two robots and the robot of a bag, each where and how it is.
 
-Parameters: ~model: URDF file, as seen from the repository
-    ~rviz: arguments of rviz.launch
+Parameters: ~rviz: arguments of rviz.launch
     ~pictures: folder for the pictures; otherwise only a failure leaves one
 """
 
-import unittest
-
 import numpy as np
+import pytest
 import rospy
+import tf2_ros
 from gazebo_msgs.msg import ModelState
 from gazebo_msgs.srv import SetModelState
-from geometry_msgs.msg import Point, Pose, Quaternion
-from rosgraph_msgs.msg import Log
+from geometry_msgs.msg import Point, Pose, Quaternion, TransformStamped, Vector3
+from rosgraph_msgs.msg import Clock, Log
 from sensor_msgs.msg import JointState
-from support.ros_testing import REPOSITORY, SHARED, Launch, Listener, wait_for
-from support.rviz_window import (
+from std_msgs.msg import Header
+from support.ros_testing import (
     DEADLINE,
+    REPOSITORY,
+    Connected,
+    Launch,
+    Listener,
+    Repeated,
+    is_at,
+    wait_for,
+)
+from support.rviz_window import (
     RvizWindow,
     complaints_in,
+    dark,
     different,
     extent,
     is_calm,
     length,
     view_of,
 )
+from tf2_msgs.msg import TFMessage
+
+from g1_description.robot.urdf import parse_urdf
 
 STANDING = 0.793
 """[m] The pelvis above the floor."""
@@ -37,121 +49,248 @@ ARMS = {
     "right_elbow_joint": (0.0, 1.57),
 }
 """[rad] Hanging with the forearms forward, and stretched out to the sides."""
+PLACES = {"left": 0.7, "right": -0.7}
+"""[m] along y."""
+ELBOW, HAND = "left_elbow_joint", "left_wrist_yaw_link"
+FAR = 6.0
+"""[m] from the map's origin along x."""
+PERIOD = 0.05
 
 
-def model():
-    return (REPOSITORY / rospy.get_param("~model")).resolve()
+@pytest.fixture
+def closing():
+    """Give what closes something after the test, the last one first."""
+    closed = []
+    yield lambda thing, close="close": closed.append(getattr(thing, close)) or thing
+    for close in reversed(closed):
+        close()
 
 
-class TestRvizPicture(unittest.TestCase):
-    @classmethod
-    def setUpClass(cls):
-        """Open RViz while the robot is out of its view."""
-        if SHARED in model().parents and not model().exists():
-            raise unittest.SkipTest(f"{model().name} of the vendor is not there")
-        cls.log = Listener("/rosout", Log)
-        cls.commands = rospy.Publisher("/joint_commands", JointState, queue_size=1)
-        arguments = "rviz:=false", "rate:=50", f"model:={model()}"
-        display = Launch("display.launch", *arguments)
-        cls.addClassCleanup(display.stop)
-        wait_for(cls.commands.get_num_connections, "the bridge to listen", DEADLINE)
+@pytest.fixture
+def place(closing):
+    """Give what returns a frame's place in the map, None while it is not known."""
+    buffer = tf2_ros.Buffer()
+    closing(tf2_ros.TransformListener(buffer), "unregister")
+
+    def look_up(frame):
+        try:
+            found = buffer.lookup_transform("map", frame, rospy.Time())
+        except tf2_ros.TransformException:
+            return None
+        where = found.transform.translation
+        return [round(number, 6) for number in (where.x, where.y, where.z)]
+
+    return look_up
+
+
+# --- one robot ----------------------------------------------------------------------
+
+
+class Robot:
+    """The robot of the display, moved from here."""
+
+    def __init__(self):
+        self._commands = rospy.Publisher("/joint_commands", JointState, queue_size=1)
+        wait_for(self._commands.get_num_connections, "the bridge to listen", DEADLINE)
         rospy.wait_for_service("/gazebo/set_model_state", DEADLINE)
-        cls.set_model_state = rospy.ServiceProxy(
-            "/gazebo/set_model_state", SetModelState
-        )
-        cls.lift(OUT_OF_VIEW)
+        self._set = rospy.ServiceProxy("/gazebo/set_model_state", SetModelState)
 
-        arguments = rospy.get_param("~rviz", "").split()
-        cls.window = RvizWindow("g1.rviz", "rviz.launch", *arguments)
-        cls.addClassCleanup(cls.window.close)
-        cls.empty = cls.window.picture_when(is_calm, "an empty view without complaints")
-        cls.view = cls.window.view = view_of(cls.empty)
-
-    @classmethod
-    def lift(cls, height):
+    def lift(self, height):
         """Set the pelvis upright above the origin."""
         pose = Pose(Point(0.0, 0.0, height), Quaternion(0.0, 0.0, 0.0, 1.0))
-        answer = cls.set_model_state(ModelState(model_name="g1_robot", pose=pose))
+        answer = self._set(ModelState(model_name="g1_robot", pose=pose))
         assert answer.success, answer.status_message
 
-    @classmethod
-    def move_arms(cls, which):
+    def move_arms(self, which):
         """Let them hang (0) or stretch them out (1)."""
         positions = [positions[which] for positions in ARMS.values()]
-        cls.commands.publish(JointState(name=list(ARMS), position=positions))
+        self._commands.publish(JointState(name=list(ARMS), position=positions))
 
-    def silhouette(self, picture):
-        return different(picture, self.empty)[self.view]
 
-    def is_robot_standing(self, picture):
-        """Whether a whole robot fills the height and stands in the middle."""
-        seen = self.silhouette(picture)
+def is_standing(seen):
+    """Whether a whole robot fills the height and stands in the middle."""
+    height, width = seen.shape
+    rows, columns = extent(seen)
+    middle = (columns.start + columns.stop) / 2
+    return (
+        rows.start > 0.05 * height
+        and rows.stop < 0.95 * height
+        and length(rows) > 0.6 * height
+        and columns.start > 0.05 * width
+        and columns.stop < 0.95 * width
+        and abs(middle - width / 2) < 0.1 * width
+    )
+
+
+def check_colours(robot):
+    """Check the pixels of the robot: white and dark, with light and shade."""
+    brightness = robot.mean(axis=1)
+    assert np.percentile(np.ptp(robot, axis=1), 90) < 15, "not grey"
+    assert (brightness > 125).mean() > 0.3, "hardly any white"
+    assert (brightness < 60).mean() > 0.05, "hardly anything dark"
+    assert len(np.unique(robot, axis=0)) > 30, "no light and shade"
+
+
+def test_the_robot_is_seen_in_its_colours_and_its_arms_move(closing):
+    log = closing(Listener("/rosout", Log))
+    closing(Launch("display.launch", "rviz:=false", "rate:=50"), "stop")
+    robot = Robot()
+    robot.lift(OUT_OF_VIEW)
+    arguments = rospy.get_param("~rviz", "").split()
+    window = closing(RvizWindow("g1.rviz", "rviz.launch", *arguments))
+    empty = window.picture_when(is_calm, "an empty view without complaints")
+    view = window.view = view_of(empty)
+
+    def silhouette(picture):
+        return different(picture, empty)[view]
+
+    robot.lift(STANDING)
+    hanging = window.picture_when(
+        lambda picture: is_standing(silhouette(picture)), "the robot standing"
+    )
+    check_colours(hanging[view][silhouette(hanging)].astype(int))
+
+    rows, columns = extent(silhouette(hanging))
+    reach = 0.1 * length(rows)
+
+    def is_stretched(picture):
+        now = extent(silhouette(picture))[1]
+        return (
+            now.start < columns.start - reach
+            and now.stop > columns.stop + reach
+            and not complaints_in(picture)
+        )
+
+    robot.move_arms(1)
+    stretched = window.picture_when(is_stretched, "arms stretched out")
+    moved = different(hanging, stretched)[view]
+    half = (rows.start + rows.stop) // 2
+    assert moved[:half].sum() > 2000
+    assert not moved[half:].any(), "more than the arms moved"
+
+    log.wait(lambda message: message.name == "/rviz", "RViz's log")
+    said = [m for m in log.messages if m.name == "/rviz" and m.level >= Log.ERROR]
+    assert [message.msg for message in said] == []
+
+
+# --- two robots ---------------------------------------------------------------------
+
+
+def test_two_robots_stand_side_by_side_and_each_has_its_own_joints(closing, place):
+    launch = "two_robots.launch", "gui:=false", "rate:=50"
+    window = closing(RvizWindow("two_robots.rviz", *launch))
+    for name, y in PLACES.items():
+        wait_for(
+            lambda name=name, y=y: place(f"{name}/pelvis") == [0, y, STANDING],
+            f"the {name} robot at y = {y}",
+        )
+        wait_for(lambda name=name: place(f"{name}/head_link"), "its head")
+
+    topics = {name: f"/{name}/joint_states" for name in PLACES}
+    states = {n: closing(Connected(t, JointState)) for n, t in topics.items()}
+    commands = rospy.Publisher("/left/joint_commands", JointState, queue_size=1)
+    wait_for(commands.get_num_connections, "the bridge to listen")
+    commands.publish(JointState(name=[ELBOW], position=[0.5]))
+    states["left"].wait(lambda message: is_at(message, ELBOW, 0.5), "a bent elbow")
+    states["right"].clear()
+    assert is_at(states["right"].wait(), ELBOW, 0.0)
+
+    def shows_both(picture):
+        if not is_calm(picture):
+            return False
+        seen = dark(picture[view_of(picture)])
         height, width = seen.shape
+        halves = seen[:, : width // 2], seen[:, width // 2 :]
+        between = seen[:, int(0.45 * width) : int(0.55 * width)]
+        whole = [length(extent(half)[0]) > 0.4 * height for half in halves]
+        return all(whole) and not between.any()
+
+    window.picture_when(shows_both, "two robots side by side")
+
+
+# --- without a simulator ------------------------------------------------------------
+
+
+def transform(stamp, parent, child, x=0.0, z=0.0):
+    found = TransformStamped(Header(stamp=stamp, frame_id=parent), child, None)
+    found.transform.translation = Vector3(x, 0.0, z)
+    found.transform.rotation = Quaternion(0.0, 0.0, 0.0, 1.0)
+    return found
+
+
+def joints(stamp):
+    """Give joint states, all joints at zero."""
+    robot = parse_urdf((REPOSITORY / "urdf" / "g1_29dof.urdf").read_text())
+    names = [joint.name for joint in robot.movable_joints]
+    return JointState(Header(stamp=stamp), names, [0.0] * len(names), [], [])
+
+
+class Bag:
+    """A bag of a robot far away, as ``rosbag play --clock`` plays it."""
+
+    def __init__(self):
+        def publisher(topic, kind, latch=False):
+            return rospy.Publisher(topic, kind, queue_size=10, latch=latch)
+
+        self.time = rospy.Time(1000)
+        self._clock = publisher("/clock", Clock)
+        self._tf = publisher("/tf", TFMessage)
+        self._states = publisher("/joint_states", JointState)
+        fixed = transform(self.time, "base_link", "pelvis")
+        self._static = publisher("/tf_static", TFMessage, latch=True)
+        self._static.publish(TFMessage([fixed]))
+        self._joints = joints(self.time)
+        self._repeated = Repeated(self._play, PERIOD)
+
+    def _play(self):
+        self.time += rospy.Duration(PERIOD)
+        self._clock.publish(self.time)
+        base = transform(self.time, "map", "base_link", FAR, STANDING)
+        self._tf.publish(TFMessage([base]))
+        self._joints.header.stamp = self.time
+        self._states.publish(self._joints)
+
+    def close(self):
+        self._repeated.close()
+        for topic in (self._clock, self._tf, self._states, self._static):
+            topic.unregister()
+
+
+def test_a_bag_is_seen_wherever_its_robot_is_and_when_it_begins_again(closing):
+    window = closing(RvizWindow("view.rviz", "view.launch", "use_sim_time:=true"))
+    bag = closing(Bag())
+
+    def is_in_the_middle(picture):
+        if not is_calm(picture):
+            return False
+        seen = dark(picture[view_of(picture)])
         rows, columns = extent(seen)
         middle = (columns.start + columns.stop) / 2
-        return (
-            rows.start > 0.05 * height
-            and rows.stop < 0.95 * height
-            and length(rows) > 0.6 * height
-            and columns.start > 0.05 * width
-            and columns.stop < 0.95 * width
-            and abs(middle - width / 2) < 0.1 * width
-        )
+        height, width = seen.shape
+        return length(rows) > 0.6 * height and abs(middle - width / 2) < 0.1 * width
 
-    def stand(self):
-        self.lift(STANDING)
-        self.move_arms(0)
-        return self.window.picture_when(self.is_robot_standing, "the robot standing")
+    window.picture_when(is_in_the_middle, "the robot of a bag")
+    frames = closing(Listener("/tf", TFMessage))
+    bag.time = rospy.Time(1000)
 
-    def test_the_robot_is_seen_in_its_colours(self):
-        picture = self.stand()
-        robot = picture[self.view][self.silhouette(picture)].astype(int)
-        brightness = robot.mean(axis=1)
-        self.assertLess(np.percentile(np.ptp(robot, axis=1), 90), 15, "not grey")
-        self.assertGreater((brightness > 125).mean(), 0.3, "hardly any white")
-        self.assertGreater((brightness < 60).mean(), 0.05, "hardly anything dark")
-        self.assertGreater(len(np.unique(robot, axis=0)), 30, "no light and shade")
+    def has_the_hand(message):
+        stamps = {t.child_frame_id: t.header.stamp for t in message.transforms}
+        return rospy.Time(1000) < stamps.get(HAND, rospy.Time()) < rospy.Time(1005)
 
-    def test_arms_are_seen_to_move(self):
-        """They come out on both sides, the legs stay, and all goes back."""
-        hanging = self.stand()
-        rows, columns = extent(self.silhouette(hanging))
-        reach = 0.1 * length(rows)
+    frames.wait(has_the_hand, "the hand after the bag began again")
 
-        def out(picture):
-            now = extent(self.silhouette(picture))[1]
-            return now.start < columns.start - reach and now.stop > columns.stop + reach
 
-        self.move_arms(1)
-        stretched = self.window.picture_when(out, "arms stretched out")
-        moved = different(hanging, stretched)[self.view]
-        half = (rows.start + rows.stop) // 2
-        self.assertGreater(moved[:half].sum(), 2000)
-        self.assertFalse(moved[half:].any(), "more than the arms moved")
+def test_a_real_robot_is_put_where_nobody_tells_it_is(closing, place):
+    closing(Launch("view.launch", "rviz:=false", "base:=1 2 0.793 0 0 0"), "stop")
+    states = closing(
+        rospy.Publisher("/joint_states", JointState, queue_size=1), "unregister"
+    )
+    message = joints(rospy.Time.now())
 
-        self.move_arms(0)
-        self.window.picture_when(
-            lambda picture: not different(picture, hanging)[self.view].any(),
-            "arms back",
-        )
+    def publish():
+        message.header.stamp = rospy.Time.now()
+        states.publish(message)
 
-    def test_it_leaves_when_it_is_taken_away(self):
-        self.stand()
-        self.lift(OUT_OF_VIEW)
-        self.window.picture_when(
-            lambda picture: not self.silhouette(picture).any(), "the robot gone"
-        )
-
-    def test_rviz_complains_of_nothing(self):
-        """Neither in the log nor in its panel, where it tells missing transforms."""
-        self.stand()
-        self.window.picture_when(
-            lambda picture: not complaints_in(picture), "no complaint"
-        )
-        self.log.wait(lambda message: message.name == "/rviz", "RViz's log")
-        bad = [
-            message.msg
-            for message in self.log.messages
-            if message.name == "/rviz" and message.level >= Log.ERROR
-        ]
-        self.assertEqual(bad, [])
+    closing(Repeated(publish, PERIOD))
+    wait_for(lambda: place(HAND), "the hand in map")
+    assert place("pelvis") == [1.0, 2.0, STANDING]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
-import time
 from contextlib import ExitStack
 
 import rosgraph
@@ -14,7 +13,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 
 from g1_description.cli.doctor import BROKEN, LINKS, OK, run_checks
 
-from .ros_testing import DEADLINE, Connected, program, wait_for
+from .ros_testing import DEADLINE, Connected, program, wait_slowly
 
 
 def publishers(topic):
@@ -23,21 +22,6 @@ def publishers(topic):
     return [
         n for i in (0, 2) for name, nodes in state[i] if name == topic for n in nodes
     ]
-
-
-def wait_slowly(condition, what):
-    """Wait for a condition that costs processor time to ask for."""
-    due = 0.0
-
-    def ask():
-        nonlocal due
-        if time.monotonic() < due:
-            return None
-        result = condition()
-        due = time.monotonic() + 0.2
-        return result
-
-    return wait_for(ask, what)
 
 
 class Started:
@@ -70,10 +54,10 @@ class Started:
             wait_slowly(lambda: self.name not in publishers(self.topic), "its end")
 
 
-def start_bridge(name, *arguments):
-    """Start a bridge."""
+def start_bridge(*arguments):
+    """Start the bridge."""
     executable = program("link_states_bridge.py")
-    return Started(name, "/tf_joint_states", executable, *arguments)
+    return Started("/link_states_bridge", "/tf_joint_states", executable, *arguments)
 
 
 def start_simulator(*arguments):
@@ -100,7 +84,7 @@ def start_state_publisher(*arguments):
 
 PARTS = {
     "simulator": start_simulator,
-    "bridge": lambda *words: start_bridge("/link_states_bridge", *words),
+    "bridge": start_bridge,
     "state_publisher": start_state_publisher,
 }
 
@@ -131,10 +115,11 @@ class Patient:
 
     def heal(self):
         """Start what is missing, and wait until all is whole."""
-        for part in PARTS:
-            if part not in self._parts:
-                self.start(part)
-        wait_slowly(lambda: walk("tf") is None, "a whole chain")
+        missing = [part for part in PARTS if part not in self._parts]
+        for part in missing:
+            self.start(part)
+        if missing:
+            wait_slowly(lambda: walk("tf") is None, "a whole chain")
 
     def close(self):
         """End all."""

@@ -2,7 +2,6 @@
 
 import math
 import os
-import resource
 import signal
 import subprocess
 import sys
@@ -52,10 +51,25 @@ def processor_time(pid):
     return sum(map(int, fields[11:15])) / os.sysconf("SC_CLK_TCK")
 
 
-def children_time():
-    """Give the processor time of all that was started here and has ended in [s]."""
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
+def wait_slowly(condition, what):
+    """Wait for a condition that costs processor time to ask for."""
+    due = 0.0
+
+    def ask():
+        nonlocal due
+        if time.monotonic() < due:
+            return None
+        result = condition()
+        due = time.monotonic() + 0.5
+        return result
+
+    return wait_for(ask, what)
+
+
+def service(name, kind):
+    """Give what calls a service, when it is there."""
+    rospy.wait_for_service(name, DEADLINE)
+    return rospy.ServiceProxy(name, kind)
 
 
 class Listener:

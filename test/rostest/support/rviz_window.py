@@ -12,7 +12,7 @@ import numpy as np
 import rospkg
 import rospy
 
-from .ros_testing import DEADLINE, REPOSITORY, Launch, wait_for
+from .ros_testing import DEADLINE, REPOSITORY, Launch, wait_for, wait_slowly
 from .virtual_screen import VirtualScreen, write_png
 
 STARTS = 3
@@ -151,7 +151,7 @@ class RvizWindow:
             is_gone, was_there = was_there and not is_there, is_there
             return is_gone or has_view(self.screen.picture())
 
-        wait_for(drawn_or_gone, "RViz to draw a view", DEADLINE)
+        wait_slowly(drawn_or_gone, "RViz to draw a view")
         return has_view(self.screen.picture())
 
     def close(self):
