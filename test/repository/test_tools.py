@@ -5,6 +5,7 @@ import runpy
 import subprocess
 import sys
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 from forked import run_forked
@@ -62,3 +63,16 @@ def test_the_meshes_are_those_of_the_table(tmp_path):
     old = trimesh.load(str(TOOLS.parent / "meshes" / "left_wrist_yaw_link.stl"))
     assert abs(new.bounds - old.bounds).max() < 1e-6
     assert new.volume == pytest.approx(old.volume, rel=0.01)
+
+
+def test_each_rostest_file_runs_once():
+    folder = TOOLS.parent / "test" / "rostest"
+    named = [
+        name
+        for file in folder.glob("*.test")
+        for test in ElementTree.parse(file).iter("test")
+        for name in test.get("args").split()
+    ]
+    expected = {"test_physics.py": 2}  # with motors and without
+    for file in folder.glob("test_*.py"):
+        assert named.count(file.name) == expected.get(file.name, 1), file.name
