@@ -42,12 +42,16 @@ STYLE = {
 ROSTESTS = {f"rostest/{f.stem}": f for f in (ROOT / "test/rostest").glob("*.test")}
 FOLDERS = sorted({f.parent.name for f in (ROOT / "test").glob("*/test_*.py")})
 PYTESTS = [name for name in FOLDERS if name != "rostest"]
-QUICK = (*STYLE, *(name for name in PYTESTS if name != "install"), "rostest/display")
+WITHOUT_NODES = [name for name in PYTESTS if name != "install"]
+QUICK = (*STYLE, *WITHOUT_NODES, "rostest/display")
 AT_A_TIME = 4
 """Targets that run beside each other on two cores: rostests wait much of the time."""
 LIMIT = 75 * 60.0
 """[s] for all parts together."""
-FIRST = ("web", "sim", "rostest/web", "rostest/motion", "rostest/drop_in")
+FIRST = (
+    *("rostest/motion", "rostest/poses", "sim", "rostest/web", "rostest/doctor"),
+    *("web", "install", "repository", "rostest/bridge_commands"),
+)
 """Parts that begin first, as the end would wait for them."""
 SLOWEST = 10
 """Cases that are named for the time they take."""
@@ -255,8 +259,8 @@ def available():
     if PLACE == ROOT:
         names = [*STYLE, *tests]
     else:  # what needs nodes needs tf2_py for that Python
-        names = tests if (PLACE / "ros" / "tf2_py").exists() else PYTESTS
-    return sorted(names, key=lambda name: name not in FIRST)
+        names = tests if (PLACE / "ros" / "tf2_py").exists() else WITHOUT_NODES
+    return [n for n in FIRST if n in names] + [n for n in names if n not in FIRST]
 
 
 def chosen(patterns):
