@@ -190,24 +190,26 @@ class Run:
         command = STYLE.get(name, ["make", "-C", BUILD, target_of(name)])
         code, text, processor = self.run_program(command)
         seconds = time.monotonic() - begin
+        if self.is_over:
+            return
         if name in STYLE:
-            outcome = Outcome(int(code == 0), [text] if code else [])
+            outcome = Outcome(int(code == 0), [name] if code else [])
             outcome.times = [(seconds, name)]
         else:
             outcome = results_of(name)
+            text = "\n".join(["The end of its output:", *text.splitlines()[-40:]])
             if code and not outcome.failed:
                 outcome.failed.append(f"make ended with {code}")
-        if self.is_over:
-            return
-        if outcome.failed and name not in STYLE:
-            lines = text.splitlines()
-            outcome.failed.append("\n".join(["The end of its output:", *lines[-40:]]))
+            if not outcome.passed + len(outcome.failed) + len(outcome.skipped):
+                outcome.failed.append("no test ran")
         outcome.times = [(time, f"{name}: {case}") for time, case in outcome.times]
         word = "FAILED" if outcome.failed else "ok"
         spent = f"({seconds:.1f} s, {processor:.1f} s of processor)"
         with self._lock:
             self.total.add(outcome)
-            print("\n".join([f"{word:6} {name:24} {outcome} {spent}", *outcome.failed]))
+            print(f"{word:6} {name:24} {outcome} {spent}")
+            if outcome.failed:
+                print(*outcome.failed, text, sep="\n")
             sys.stdout.flush()
 
     def run(self, names):
