@@ -70,13 +70,13 @@ class Browser:
         """Give itself."""
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, kind, *_):
         """End it."""
-        self.close()
+        self.close(is_interrupted=kind is KeyboardInterrupt)
 
-    def close(self):
+    def close(self, is_interrupted=False):
         """End it, and remove its files."""
-        if self._browser._dispatcher_fiber.dead:
+        if is_interrupted or self._browser._dispatcher_fiber.dead:
             # Ctrl-C tore Playwright's loop: it would wait for answers for ever.
             self._stack.pop_all()
             driver = self._browser._impl_obj._connection._transport._proc
