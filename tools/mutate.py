@@ -228,8 +228,8 @@ def judge(mutant, clone, data, seconds):
     old = file.read_bytes()
     file.write_bytes(mutant.apply(old))
     # The compiled file of the original stays as it is.
-    script = "export PYTHONDONTWRITEBYTECODE=1; " + (" && ".join(commands) or ":")
-    code = run(clone, script, limit)
+    script = " && ".join(commands) or ":"
+    code = run(clone, script, limit, PYTHONDONTWRITEBYTECODE="1")
     file.write_bytes(old)
     verdict = "timeout" if code is None else "killed" if code else "SURVIVED"
     text = f"{verdict:8} {mutant.file}:{mutant.line} "
@@ -244,17 +244,18 @@ def work(given, clones):
     """Do what was asked for."""
     for clone in clones:
         subprocess.run(["git", "clone", "-q", MAPS.parents[1], clone], check=True)
-    trees = ["git", "rev-parse", "--short=12", "HEAD:src", "HEAD:test"]
-    trees = subprocess.check_output(trees, cwd=clones[0], text=True).split()
+    trees = ["git", "rev-parse", "HEAD:src", "HEAD:test"]
+    src, test = subprocess.check_output(trees, cwd=clones[0], text=True).split()
     MAPS.mkdir(exist_ok=True)
-    new = MAPS / f"{'_'.join(trees)}.coverage"
-    file = next(MAPS.glob(f"{trees[0]}_*.coverage"), new)
+    new = MAPS / f"{src[:12]}_{test[:12]}.coverage"
+    file = next(MAPS.glob(f"{src[:12]}_*.coverage"), new)
     rostests = sorted(clones[0].glob("test/rostest/*.test")) if given.rostests else []
     names = ["test", *(str(test.relative_to(clones[0])) for test in rostests)]
     seconds = read_seconds(clones[0], file)
     missing = [name for name in names if name not in seconds]
     for clone in clones if missing or not given.coverage else []:
-        subprocess.run(["tools/setup", "--tests"], cwd=clone, check=True)
+        if run(clone, "tools/setup --tests") != 0:
+            sys.exit("tools/mutate: tools/setup failed in a clone of the last commit")
     for name in missing:
         record(clones[0], file, name)
     if given.coverage:

@@ -18,9 +18,9 @@ CASES = {
     "x = [a for a in b if f(a)]": "x = [a for a in b if (not (f(a)))]",
     "x = 0.0": "x = 1.0",
     "x = 84": "x = 168",
-    "x = 'left_knee'": 'x = "left_kneex"',
+    "x = 'left_knee'": "x = 'left_kneex'",
     "x = -a": "x = (a)",
-    "if a(b):\n    raise E('é' + 1)": "if a(b):\n    pass",
+    "'é'; f(a)": "'é'; pass",
     "def f():\n    return é, g(a)": "def f():\n    return None",
 }
 LEFT_OUT = """__all__ = ["name"]
@@ -38,7 +38,7 @@ def test_each_kind_changes_one_node(code):
 
 
 def test_what_is_no_code_is_left_out():
-    assert [mutant.new for mutant in find("", LEFT_OUT.encode())] == ["pass"]
+    assert not [*find("", LEFT_OUT.encode())]
 
 
 def test_a_seed_draws_lines_whose_changes_are_python():
