@@ -17,8 +17,8 @@ import sys
 import tempfile
 import time
 from collections import Counter, defaultdict
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from itertools import accumulate
-from multiprocessing.pool import ThreadPool
 from pathlib import Path
 from typing import NamedTuple
 
@@ -86,8 +86,8 @@ def find(file, data):
     starts = [0, *accumulate(len(line) for line in data.splitlines(True))]
 
     def span(node):
-        begin = starts[node.lineno - 1] + node.col_offset
-        return begin, starts[node.end_lineno - 1] + node.end_col_offset
+        begin, place = starts[node.lineno - 1] + node.col_offset, vars(node)
+        return begin, starts[place["end_lineno"] - 1] + place["end_col_offset"]
 
     def text(node):
         return data[slice(*span(node))].decode()
@@ -276,16 +276,24 @@ def work(given, clones):
         free.put(clone)
         return told
 
-    with ThreadPool(given.jobs) as pool:
+    with ThreadPoolExecutor(given.jobs) as pool:
         sample = draw(clones[0], given.sample, given.seed)
-        for verdict, text in pool.imap_unordered(judge_one, sample):
-            print(text, flush=True)
-            verdicts[verdict] += 1
+        futures = [pool.submit(judge_one, mutant) for mutant in sample]
+        try:
+            for future in as_completed(futures):
+                verdict, text = future.result()
+                print(text, flush=True)
+                verdicts[verdict] += 1
+        finally:
+            for future in futures:
+                future.cancel()
+            for clone in clones:
+                end_processes(mark(clone))
     print(", ".join(f"{count} {verdict}" for verdict, count in verdicts.items()))
 
 
 def main():
-    """Read the options; clones and what runs in them end with this."""
+    """Read the options; the clones are gone with the end."""
     parser = argparse.ArgumentParser(prog="tools/mutate")
     for name, default in (("sample", 20), ("seed", 1), ("jobs", 1)):
         parser.add_argument(f"--{name}", type=int, default=default)
@@ -296,12 +304,8 @@ def main():
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: sys.exit("tools/mutate: interrupted"))
     with tempfile.TemporaryDirectory(prefix="g1_mutate_") as folder:
-        clones = [Path(folder).resolve() / str(number) for number in range(given.jobs)]
-        try:
-            work(given, clones)
-        finally:
-            for clone in clones:
-                end_processes(mark(clone))
+        place = Path(folder).resolve()
+        work(given, [place / str(number) for number in range(given.jobs)])
 
 
 if __name__ == "__main__":
