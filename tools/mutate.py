@@ -48,6 +48,7 @@ LEFT_OUT = re.compile(
 FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)
 MOST_SECONDS = 120.0  # of pytest's tests for one mutant, as they took for the map
 MOST_ROSTESTS = 3
+MARK = "G1_DESCRIPTION_MUTANT={}"  # of what runs for a clone; tests set their own
 PYTEST = ".venv/bin/python -m pytest -q -p no:cacheprovider"
 COVERAGE = [sys.executable, "-m", "coverage"]
 START = "import coverage; coverage.process_startup()\n"  # of each Python of a clone
@@ -143,17 +144,8 @@ def draw(root, count, seed):
     return [chance.choice(lines[line]) for line in drawn]
 
 
-def mark(clone):
-    """Give the mark of all that runs for a clone; tests set their own."""
-    return f"G1_DESCRIPTION_MUTANT={clone}"
-
-
 def run(clone, script, seconds=None, **variables):
-    """Run a script in a clone's workspace; whatever it starts ends with it.
-
-    Returns:
-        The exit code, and None if it did not end in time [s].
-    """
+    """Run a script in a clone's workspace; what it starts ends. None: not in time."""
     home = tempfile.mkdtemp(dir=clone.parent)
     variables.update(ROS_HOME=home, ROS_LOG_DIR=home, ROS_HOSTNAME="localhost")
     script = f". tools/common.sh; source_workspace; {script}"
@@ -162,22 +154,21 @@ def run(clone, script, seconds=None, **variables):
             ["bash", "-c", script, "tools/mutate"],
             **dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL),
             cwd=clone,
-            env={**marked_environment(mark(clone)), **variables},
+            env={**marked_environment(MARK.format(clone)), **variables},
             start_new_session=True,
             timeout=seconds,
         ).returncode
     except subprocess.TimeoutExpired:
         return None
     finally:
-        end_processes(mark(clone))
+        end_processes(MARK.format(clone))
 
 
 def record(clone, file, name):
     """Add the lines and the time of a rostest, or of all of pytest's, to the map."""
     (packages,) = clone.glob(".venv/lib/python3*/site-packages")
     (packages / "coverage_start.pth").write_text(START)
-    settings, times = clone / ".ws" / "coverage", file.with_suffix(".times")
-    settings.write_text(SETTINGS.format(data=file, clone=clone))
+    settings, times = clone.with_suffix(".coverage"), file.with_suffix(".times")
     variables = {"COVERAGE_PROCESS_START": settings, "COVERAGE_TIMES": times}
     begin = time.monotonic()
     if name == "test":
@@ -218,12 +209,13 @@ def tests_of(mutant, data, seconds):
     return tests, rostests[:MOST_ROSTESTS]
 
 
-def judge(mutant, clone, data, seconds):
-    """Run a mutant's tests in a clone; give the verdict, and all in words."""
+def judge(mutant, free, data, seconds):
+    """Run a mutant's tests in a free clone; give the verdict, and all in words."""
     tests, rostests = tests_of(mutant, data, seconds)
     commands = [" ".join([PYTEST, "-x", *tests])] if tests else []
     commands += [f"rostest {test}" for test in rostests]
     limit = 60.0 + 3.0 * sum(seconds[test] for test in [*tests, *rostests])
+    clone = free.get()
     file = clone / mutant.file
     old = file.read_bytes()
     file.write_bytes(mutant.apply(old))
@@ -231,6 +223,7 @@ def judge(mutant, clone, data, seconds):
     script = " && ".join(commands) or ":"
     code = run(clone, script, limit, PYTHONDONTWRITEBYTECODE="1")
     file.write_bytes(old)
+    free.put(clone)
     verdict = "timeout" if code is None else "killed" if code else "SURVIVED"
     text = f"{verdict:8} {mutant.file}:{mutant.line} "
     text += f"({', '.join([f'{len(tests)} tests', *rostests])})"
@@ -251,6 +244,8 @@ def work(given, clones):
     file = next(MAPS.glob(f"{src[:12]}_*.coverage"), new)
     rostests = sorted(clones[0].glob("test/rostest/*.test")) if given.rostests else []
     names = ["test", *(str(test.relative_to(clones[0])) for test in rostests)]
+    settings = clones[0].with_suffix(".coverage")
+    settings.write_text(SETTINGS.format(data=file, clone=clones[0]))
     seconds = read_seconds(clones[0], file)
     missing = [name for name in names if name not in seconds]
     for clone in clones if missing or not given.coverage else []:
@@ -259,7 +254,7 @@ def work(given, clones):
     for name in missing:
         record(clones[0], file, name)
     if given.coverage:
-        report = [*COVERAGE, "report", "--sort=cover", f"--data-file={file}"]
+        report = [*COVERAGE, "report", "--sort=cover", f"--rcfile={settings}"]
         subprocess.run(report, cwd=clones[0], check=True)
         return
     if file != new:
@@ -269,16 +264,9 @@ def work(given, clones):
     free, verdicts = queue.Queue(), Counter()
     for clone in clones:
         free.put(clone)
-
-    def judge_one(mutant):
-        clone = free.get()
-        told = judge(mutant, clone, data, seconds)
-        free.put(clone)
-        return told
-
     with ThreadPoolExecutor(given.jobs) as pool:
         sample = draw(clones[0], given.sample, given.seed)
-        futures = [pool.submit(judge_one, mutant) for mutant in sample]
+        futures = [pool.submit(judge, mutant, free, data, seconds) for mutant in sample]
         try:
             for future in as_completed(futures):
                 verdict, text = future.result()
@@ -288,7 +276,7 @@ def work(given, clones):
             for future in futures:
                 future.cancel()
             for clone in clones:
-                end_processes(mark(clone))
+                end_processes(MARK.format(clone))
     print(", ".join(f"{count} {verdict}" for verdict, count in verdicts.items()))
 
 
