@@ -201,7 +201,8 @@ def tests_of(mutant, data, seconds):
     if executing and (not mutant.is_inside or "" in executing):
         folder = f"test/{Path(mutant.file.split('/')[2]).stem}/"
         found = found.union(test for test in seconds if test.startswith(folder))
-    order = sorted(seconds, key=seconds.get)
+    passing = (test for test in seconds if seconds[test] != float("inf"))
+    order = sorted(passing, key=seconds.get)
     tests = [test for test in order if "::" in test and test in found]
     totals = accumulate(seconds[test] for test in tests)
     tests = tests[: sum(total < MOST_SECONDS for total in totals)]
