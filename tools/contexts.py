@@ -9,16 +9,13 @@ import time
 import coverage
 import pytest
 
-VARIABLE = "G1_DESCRIPTION_TEST"
-"""Names the test to coverage.py in processes that the test starts."""
-
 
 @pytest.hookimpl(hookwrapper=True)
 def pytest_runtest_protocol(item):
     """Switch to the context of a test function, and write down how long it took."""
-    current = coverage.Coverage.current()
     name = item.nodeid.partition("[")[0]
-    os.environ[VARIABLE] = name
+    os.environ["G1_DESCRIPTION_TEST"] = name  # for the processes that it starts
+    current = coverage.Coverage.current()
     current.switch_context(name)
     begin, failed = time.monotonic(), item.session.testsfailed
     yield
@@ -28,11 +25,3 @@ def pytest_runtest_protocol(item):
         seconds = float("inf")
     with open(os.environ["COVERAGE_TIMES"], "a") as file:
         file.write(f"{seconds:.3f} {name}\n")
-
-
-def pytest_unconfigure():
-    """Save what this process recorded: workers of xdist just end."""
-    current = coverage.Coverage.current()
-    if current:
-        current.stop()
-        current.save()

@@ -1,355 +1,300 @@
 """Change random lines of the package, one at a time, and run the tests they concern.
 
-Which tests execute a line is in a map, which is made once for each state of src and
-test. Nothing happens in the working tree: clones of the last commit are changed.
+Nothing happens in the working tree: clones of the last commit are changed.
 """
 
 # Of mutmut and cosmic-ray, no version for Python 3.8 chooses tests by line or knows
 # rostests, so we have our own.
 
 import argparse
-import os
+import ast
 import queue
+import random
+import re
 import signal
 import subprocess
 import sys
 import tempfile
-import threading
 import time
-import uuid
-from collections import defaultdict
-from functools import partial
+from collections import Counter, defaultdict
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from itertools import accumulate
 from pathlib import Path
+from typing import NamedTuple
 
 from coverage import CoverageData
-from coverage.parser import PythonParser
 
-from mutants import draw
 from processes import end_processes, marked_environment
 
-ROOT = Path(__file__).resolve().parents[1]
-MAPS = ROOT / ".ws" / "maps"
-SOURCE = "src/g1_description/"
-CONTEXT = "G1_DESCRIPTION_TEST"
-"""Names the test to coverage.py in the processes of the test."""
+MAPS = Path(__file__).resolve().parents[1] / ".ws" / "maps"
+OPPOSITES = {
+    **{ast.Lt: ">=", ast.GtE: "<", ast.Gt: "<=", ast.LtE: ">"},
+    **{ast.Eq: "!=", ast.NotEq: "==", ast.Is: "is not", ast.IsNot: "is"},
+    **{ast.In: "not in", ast.NotIn: "in", ast.And: "or", ast.Or: "and"},
+    **{ast.Add: "-", ast.Sub: "+", ast.Mult: "/", ast.Div: "*", ast.FloorDiv: "*"},
+}
+OTHERS = {
+    bool: lambda value: not value,
+    int: lambda value: 2 * value or 1,
+    float: lambda value: 2.0 * value or 1.0,
+    # A name, of a key, a link or a topic, and no sentence.
+    str: lambda value: f"{value}x" if re.fullmatch("[a-z][a-z0-9_/]*", value) else None,
+}
+# What is for readers, type checkers, shells and logs alone: parts and statements.
+SKIPPED = {"annotation", "returns", "exc", "decorator_list"}
+LEFT_OUT = re.compile(
+    r"__\w+__ =|if (TYPE_CHECKING|__name__)\b|(\w+\.)*_?(log|warn)\w*(\.\w+)?\(", re.I
+)
+FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)
+MOST_SECONDS = 120.0  # of pytest's tests for one mutant, as they took for the map
+MOST_ROSTESTS = 3
+MARK = "G1_DESCRIPTION_MUTANT={}"  # of what runs for a clone; tests set their own
+PYTEST = ".venv/bin/python -m pytest -q -p no:cacheprovider"
+COVERAGE = [sys.executable, "-m", "coverage"]
+START = "import coverage; coverage.process_startup()\n"  # of each Python of a clone
 SETTINGS = """[run]
 parallel = true
 sigterm = true
 relative_files = true
 data_file = {data}
 disable_warnings = no-data-collected
-source = {source}
-context = ${{{context}-}}
+source = {clone}/src/g1_description
+context = ${{G1_DESCRIPTION_TEST-}}
 [paths]
 source =
     src/g1_description
     */src/g1_description
 """
-START = (
-    "import os; 'COVERAGE_PROCESS_START' in os.environ and "
-    "__import__('coverage').process_startup()"
-)
-"""What each Python of the clone begins with while the map is made."""
-IN_WORKSPACE = '. tools/common.sh; source_workspace; exec "$@"'
-ROSTESTS = 3
-"""Most rostests for one mutant."""
 
 
-def git(*words):
-    """Give what git prints of the repository."""
-    command = ["git", "-C", str(ROOT), *words]
-    return subprocess.run(command, stdout=subprocess.PIPE, check=True, text=True).stdout
+class Mutant(NamedTuple):
+    """A change of a file's bytes from begin to end."""
+
+    file: str
+    line: int  # where its statement begins
+    is_inside: bool  # of a function; else an import executes it
+    begin: int
+    end: int
+    new: str
+
+    def apply(self, data):
+        """Change the file's bytes."""
+        return data[: self.begin] + self.new.encode() + data[self.end :]
 
 
-class Clone:
-    """A clone of the last commit, set up to run tests."""
+def find(file, data):
+    """Find the mutants of a module, given as bytes: those are what columns count."""
+    starts = [0, *accumulate(len(line) for line in data.splitlines(True))]
 
-    def __init__(self, folder):
-        """Make it, or bring the one that is there to the last commit."""
-        self.folder = folder
-        self.mark = f"G1_DESCRIPTION_MUTANT={uuid.uuid4().hex}"  # tests set their own
-        commit = git("rev-parse", "HEAD").strip()
-        if not folder.exists():
-            git("clone", "--quiet", str(ROOT), str(folder))
-        words = (["fetch", "--quiet"], ["checkout", "--quiet", "--force", commit])
-        for word in words:
-            subprocess.run(["git", *word], cwd=folder, check=True)
-        subprocess.run(["tools/setup", "--tests"], cwd=folder, check=True)
+    def span(node):
+        begin, place = starts[node.lineno - 1] + node.col_offset, vars(node)
+        return begin, starts[place["end_lineno"] - 1] + place["end_col_offset"]
 
-    def run(self, command, timeout=None, **variables):
-        """Run a command in the workspace; whatever it starts ends with it.
+    def text(node):
+        return data[slice(*span(node))].decode()
 
-        Returns:
-            The exit code, and None if it did not end in time [s].
-        """
-        environment = marked_environment(self.mark)
-        environment.update(variables, ROS_HOSTNAME="localhost")
-        with tempfile.TemporaryDirectory(prefix="g1_mutate_ros_") as home:
-            environment.update(ROS_HOME=home, ROS_LOG_DIR=f"{home}/log")
-            process = subprocess.Popen(
-                ["bash", "-c", IN_WORKSPACE, "tools/mutate", *command],
-                cwd=self.folder,
-                env=environment,
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-                start_new_session=True,
-            )
-            try:
-                return process.wait(timeout)
-            except subprocess.TimeoutExpired:
-                return None
-            finally:
-                end_processes(self.mark)
-                process.wait()
+    def visit(parent, line, is_inside):
+        for field, value in ast.iter_fields(parent):
+            inside = is_inside or (field == "body" and isinstance(parent, FUNCTIONS))
+            for node in value if isinstance(value, list) else [value]:
+                is_statement = isinstance(node, ast.stmt)
+                # Where the parts of an f-string are, Python knows since 3.12.
+                if not isinstance(node, ast.AST) or isinstance(node, ast.JoinedStr):
+                    continue
+                if field in SKIPPED or (is_statement and LEFT_OUT.match(text(node))):
+                    continue
+                begin = node.lineno if is_statement else line
+                for new in changes(node, parent, field, text):
+                    yield Mutant(file, begin, inside, *span(node), new)
+                yield from visit(node, begin, inside)
 
-    def pytest(self, words, **options):
-        """Run pytest."""
-        command = [".venv/bin/python", "-m", "pytest", "-q", "-p", "no:cacheprovider"]
-        return self.run([*command, *words], **options)
-
-    def rostest(self, name, **options):
-        """Run a rostest by the name of its file."""
-        return self.run(["rostest", "g1_description", f"{name}.test"], **options)
+    return visit(ast.parse(data), 0, False)
 
 
-class Map:
-    """Which tests execute which lines, and how long they take."""
-
-    def __init__(self):
-        """Read what is known of the last commit's state of src and test."""
-        state = git("rev-parse", "HEAD:src", "HEAD:test").split()
-        self.file = MAPS / f"{'_'.join(name[:12] for name in state)}.coverage"
-        self.times = self.file.with_suffix(".times")
-        self.seconds = read_times(self.times) if self.times.exists() else {}
-        self._data = CoverageData(str(self.file))
-        self._data.read()
-        self._lines = {}
-
-    def has(self, kind):
-        """Tell whether tests of a folder were recorded."""
-        return any(name.startswith(kind) for name in self.seconds)
-
-    def record(self, clone, run):
-        """Add the lines and the times of tests, which a function runs.
-
-        Args:
-            clone: Where they run.
-            run: Given the variables with which coverage.py starts, and the file that
-                takes the times: in each line the seconds and the name of a test.
-        """
-        MAPS.mkdir(exist_ok=True)
-        (packages,) = clone.folder.glob(".venv/lib/python3*/site-packages")
-        start = packages / "coverage_start.pth"
-        with tempfile.TemporaryDirectory(prefix="g1_mutate_map_") as folder:
-            settings, times = Path(folder, "settings"), Path(folder, "times")
-            data, source = f"{folder}/data", clone.folder / SOURCE
-            text = SETTINGS.format(data=data, source=source, context=CONTEXT)
-            settings.write_text(text)
-            start.write_text(f"{START}\n{clone.folder / 'tools'}\n")
-            run({"COVERAGE_PROCESS_START": str(settings)}, times)
-            start.unlink()
-            combine = ["-m", "coverage", "combine", "-q", f"--rcfile={settings}"]
-            clone.run([".venv/bin/python", *combine, folder])
-            found = CoverageData(data)
-            found.read()
-            self._data.update(found)
-            self._data.write()
-            with self.times.open("a") as file:
-                file.write(times.read_text())
-        self.seconds = read_times(self.times)
-
-    def record_all(self, clone, jobs, with_rostests):
-        """Add all tests that are missing, rostests one after the other."""
-
-        def run_pytest(variables, times):
-            words = ["-p", "contexts", "test"]
-            clone.pytest(words, COVERAGE_TIMES=str(times), **variables)
-
-        def run_rostest(test, variables, times):
-            begin, name = time.monotonic(), test.split("/")[1]
-            code = clone.rostest(name, timeout=900.0, **{CONTEXT: test}, **variables)
-            seconds = time.monotonic() - begin if code == 0 else float("inf")
-            print(f"{test}: {seconds:.0f} s", flush=True)
-            times.write_text(f"{seconds:.1f} {test}\n")
-
-        if not self.has("test/"):
-            self.record(clone, run_pytest)
-        files = (
-            sorted(clone.folder.glob("test/rostest/*.test")) if with_rostests else []
-        )
-        for test in (f"rostest/{file.stem}" for file in files):
-            if test not in self.seconds:
-                self.record(clone, partial(run_rostest, test))
-
-    def lines(self, name):
-        """Give the tests that execute the lines of a file."""
-        if name not in self._lines:
-            self._lines[name] = self._data.contexts_by_lineno(name)
-        return self._lines[name]
-
-    def tests_of(self, name, mutant):
-        """Give the tests that a mutant concerns, the cheapest of each group first.
-
-        Those that execute the line, then those of the package's folder if an import
-        executes it, then those that execute other lines of the file: an import, a cache
-        or a fixture runs a line for the first test alone. None if nothing executes it.
-        """
-        lines = self.lines(name)
-        executing = lines.get(mutant.line) or lines.get(mutant.statement) or []
-        if not executing:
-            return []
-        folder = f"test/{name[len(SOURCE) :].split('/')[0]}/"
-        groups = [executing, [], set().union(*lines.values())]
-        if not mutant.is_inside or "" in executing:
-            groups[1] = [test for test in self.seconds if test.startswith(folder)]
-        if not mutant.is_inside:
-            groups[0] = []
-        order, found = self.seconds.get, {}
-        for group in groups:
-            known = sorted({*group} & {*self.seconds})
-            found.update(dict.fromkeys(sorted(known, key=order)))
-        return [*found]
-
-    def tell(self):
-        """Print the coverage of each package."""
-        counts = defaultdict(lambda: [0, 0])
-        for name in git("ls-files", f"{SOURCE}*.py").split():
-            parser = PythonParser(text=git("show", f"HEAD:{name}"))
-            parser.parse_source()
-            words, lines = name[len(SOURCE) :].split("/"), self.lines(name)
-            executed = {parser.first_line(line) for line in lines}
-            count = counts[words[0] if len(words) > 1 else "(top)"]
-            count[0] += len(parser.statements)
-            count[1] += len(parser.statements & executed)
-        counts["all"] = [sum(column) for column in zip(*counts.values())]
-        for name, (lines, executed) in sorted(counts.items()):
-            print(f"{name:12}{lines:7} lines {100.0 * executed / max(lines, 1):6.1f} %")
-        print(self.title())
-
-    def title(self):
-        """Say which tests are known."""
-        return "with rostests" if self.has("rostest/") else "without rostests"
+def changes(node, parent, field, text):
+    """Give what may stand for a node."""
+    if isinstance(node, ast.Constant):
+        other = OTHERS.get(type(node.value), lambda value: None)(node.value)
+        yield from [] if other is None else [repr(other)]
+    elif field in ("test", "ifs"):
+        yield f"(not ({text(node)}))"
+    elif isinstance(parent, ast.Return):
+        yield "None"
+    if isinstance(node, ast.UnaryOp):
+        yield f"({text(node.operand)})"
+    elif isinstance(node, ast.Expr) and isinstance(node.value, (ast.Call, ast.Await)):
+        yield "pass"
+    kinds = [type(kind) for kind in getattr(node, "ops", [getattr(node, "op", None)])]
+    if len(kinds) == 1 and kinds[0] in OPPOSITES:
+        new = OPPOSITES[kinds[0]]
+        parts = [n for n in ast.iter_child_nodes(node) if isinstance(n, ast.expr)]
+        if isinstance(node, ast.AugAssign):
+            yield f"{text(parts[0])} {new}= ({text(parts[1])})"
+        else:
+            yield "(" + f" {new} ".join(f"({text(part)})" for part in parts) + ")"
 
 
-def read_times(file):
-    """Read the seconds of test functions, whose cases have lines of their own."""
-    seconds = defaultdict(float)
-    for line in file.read_text().splitlines():
-        time_of_case, name = line.split(" ", 1)
-        seconds[name] += float(time_of_case)
-    return dict(seconds)
+def draw(root, count, seed):
+    """Draw lines below src, and a mutant of each."""
+    lines, chance = defaultdict(list), random.Random(seed)
+    for file in sorted(root.glob("src/**/*.py")):
+        for mutant in find(str(file.relative_to(root)), file.read_bytes()):
+            lines[mutant.file, mutant.line].append(mutant)
+    drawn = chance.sample(sorted(lines), min(count, len(lines)))
+    return [chance.choice(lines[line]) for line in drawn]
 
 
-def within(tests, seconds, limit):
-    """Take tests from the begin as long as they fit in a time; at least one."""
-    taken, total = [], 0.0
-    for test in tests:
-        total += seconds[test]
-        if (taken and total > limit) or total == float("inf"):
-            break
-        taken.append(test)
-    return taken
-
-
-def judge(clone, known, name, mutant, limit):
-    """Run the tests that a mutant concerns, in a clone.
-
-    Returns:
-        The verdict, and in words which tests ran.
-    """
-    tests = known.tests_of(name, mutant)
-    quick = [test for test in tests if test.startswith("test/")]
-    taken = within(quick, known.seconds, limit)
-    slow = [test for test in tests if test not in quick][:ROSTESTS]
-    ran = [f"{len(taken)} of {len(quick)} tests"] if quick else []
-    file = clone.folder / name
-    data, stat = file.read_bytes(), file.stat()
-    file.write_bytes(mutant.apply(data))
-    # The compiled file of the original stays the valid one.
-    variables = {"PYTHONDONTWRITEBYTECODE": "1"}
+def run(clone, script, seconds=None, **variables):
+    """Run a script in a clone's workspace; what it starts ends. None: not in time."""
+    home = tempfile.mkdtemp(dir=clone.parent)
+    variables.update(ROS_HOME=home, ROS_LOG_DIR=home, ROS_HOSTNAME="localhost")
+    script = f". tools/common.sh; source_workspace; {script}"
     try:
-        code = 0
-        if taken:
-            most = 60.0 + 3.0 * sum(known.seconds[test] for test in taken)
-            code = clone.pytest(["-x", *taken], timeout=most, **variables)
-        for test in slow:
-            if code == 0:
-                ran.append(test)
-                most = 60.0 + 3.0 * known.seconds[test]
-                code = clone.rostest(test.split("/")[1], timeout=most, **variables)
+        return subprocess.run(
+            ["bash", "-c", script, "tools/mutate"],
+            **dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL),
+            cwd=clone,
+            env={**marked_environment(MARK.format(clone)), **variables},
+            start_new_session=True,
+            timeout=seconds,
+        ).returncode
+    except subprocess.TimeoutExpired:
+        return None
     finally:
-        file.write_bytes(data)
-        os.utime(file, ns=(stat.st_atime_ns, stat.st_mtime_ns))
+        end_processes(MARK.format(clone))
+
+
+def record(clone, file, name):
+    """Add the lines and the time of a rostest, or of all of pytest's, to the map."""
+    (packages,) = clone.glob(".venv/lib/python3*/site-packages")
+    (packages / "coverage_start.pth").write_text(START)
+    settings, times = clone.with_suffix(".coverage"), file.with_suffix(".times")
+    variables = {"COVERAGE_PROCESS_START": settings, "COVERAGE_TIMES": times}
+    begin = time.monotonic()
+    if name == "test":
+        code = run(clone, f"{PYTEST} -p tools.contexts test", **variables)
+    else:
+        code = run(clone, f"rostest {name}", **variables, G1_DESCRIPTION_TEST=name)
+    seconds = time.monotonic() - begin if code == 0 else float("inf")
+    command = [*COVERAGE, "combine", "-q", "--append", f"--rcfile={settings}"]
+    subprocess.run(command, cwd=clone, check=True)
+    with times.open("a") as stream:
+        stream.write(f"{seconds:.1f} {name}\n")
+    print(f"mapped {name}: {seconds:.0f} s", flush=True)
+
+
+def read_seconds(clone, file):
+    """Read how long the map's tests took, of those that are still there."""
+    times, seconds = file.with_suffix(".times"), Counter()
+    for line in times.read_text().splitlines() if times.exists() else []:
+        seconds_of_case, test = line.split(" ", 1)
+        path, _, name = test.partition("::")
+        if (clone / path).exists() and (not name or name in (clone / path).read_text()):
+            seconds[test] += float(seconds_of_case)
+    return seconds
+
+
+def tests_of(mutant, data, seconds):
+    """Give the tests that a mutant concerns: of pytest, and rostests."""
+    executing = {*data.contexts_by_lineno(mutant.file).get(mutant.line, [])}
+    found = executing if mutant.is_inside else set()
+    if executing and (not mutant.is_inside or "" in executing):
+        folder = f"test/{Path(mutant.file.split('/')[2]).stem}/"
+        found = found.union(test for test in seconds if test.startswith(folder))
+    passing = (test for test in seconds if seconds[test] != float("inf"))
+    order = sorted(passing, key=seconds.get)
+    tests = [test for test in order if "::" in test and test in found]
+    totals = accumulate(seconds[test] for test in tests)
+    tests = tests[: sum(total < MOST_SECONDS for total in totals)]
+    rostests = [test for test in order if ".test" in test and test in executing]
+    return tests, rostests[:MOST_ROSTESTS]
+
+
+def judge(mutant, free, data, seconds):
+    """Run a mutant's tests in a free clone; give the verdict, and all in words."""
+    tests, rostests = tests_of(mutant, data, seconds)
+    commands = [" ".join([PYTEST, "-x", *tests])] if tests else []
+    commands += [f"rostest {test}" for test in rostests]
+    limit = 60.0 + 3.0 * sum(seconds[test] for test in [*tests, *rostests])
+    clone = free.get()
+    file = clone / mutant.file
+    old = file.read_bytes()
+    file.write_bytes(mutant.apply(old))
+    # The compiled file of the original stays as it is.
+    script = " && ".join(commands) or ":"
+    code = run(clone, script, limit, PYTHONDONTWRITEBYTECODE="1")
+    file.write_bytes(old)
+    free.put(clone)
     verdict = "timeout" if code is None else "killed" if code else "SURVIVED"
-    return verdict, ", ".join(ran) or "no test executes it"
+    text = f"{verdict:8} {mutant.file}:{mutant.line} "
+    text += f"({', '.join([f'{len(tests)} tests', *rostests])})"
+    number = old.count(b"\n", 0, mutant.begin)
+    for sign, code in (("-", old), ("+", mutant.apply(old))):
+        text += f"\n    {sign} {code.decode().splitlines()[number].strip()}"
+    return verdict, text
 
 
-def run(clones, known, sample, limit):
-    """Judge mutants, one per clone at a time, and print each; count the survivors."""
-    left, lock, survivors = queue.Queue(), threading.Lock(), []
-    for one in sample:
-        left.put(one)
-
-    def work(clone):
-        while True:
-            try:
-                name, mutant = left.get_nowait()
-            except queue.Empty:
-                return
-            old = (clone.folder / name).read_bytes()
-            verdict, ran = judge(clone, known, name, mutant, limit)
-            pair = old.splitlines(), mutant.apply(old).splitlines()
-            before, after = (text[mutant.line - 1].decode().strip() for text in pair)
-            with lock:
-                print(f"{verdict:8} {name}:{mutant.line} ({ran})")
-                print(f"    - {before}\n    + {after}", flush=True)
-                survivors.extend([name] if verdict == "SURVIVED" else [])
-
-    threads = [threading.Thread(target=work, args=[c], daemon=True) for c in clones]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    return len(survivors)
+def work(given, clones):
+    """Do what was asked for."""
+    for clone in clones:
+        subprocess.run(["git", "clone", "-q", MAPS.parents[1], clone], check=True)
+    trees = ["git", "rev-parse", "HEAD:src", "HEAD:test"]
+    src, test = subprocess.check_output(trees, cwd=clones[0], text=True).split()
+    MAPS.mkdir(exist_ok=True)
+    new = MAPS / f"{src[:12]}_{test[:12]}.coverage"
+    file = next(MAPS.glob(f"{src[:12]}_*.coverage"), new)
+    rostests = sorted(clones[0].glob("test/rostest/*.test")) if given.rostests else []
+    names = ["test", *(str(test.relative_to(clones[0])) for test in rostests)]
+    settings = clones[0].with_suffix(".coverage")
+    settings.write_text(SETTINGS.format(data=file, clone=clones[0]))
+    seconds = read_seconds(clones[0], file)
+    missing = [name for name in names if name not in seconds]
+    for clone in clones if missing or not given.coverage else []:
+        if run(clone, "tools/setup --tests") != 0:
+            sys.exit("tools/mutate: tools/setup failed in a clone of the last commit")
+    for name in missing:
+        record(clones[0], file, name)
+    if given.coverage:
+        report = [*COVERAGE, "report", "--sort=cover", f"--rcfile={settings}"]
+        subprocess.run(report, cwd=clones[0], check=True)
+        return
+    if file != new:
+        print(f"the map is older than the tests: {file}")
+    data, seconds = CoverageData(str(file)), read_seconds(clones[0], file)
+    data.read()
+    free, verdicts = queue.Queue(), Counter()
+    for clone in clones:
+        free.put(clone)
+    with ThreadPoolExecutor(given.jobs) as pool:
+        sample = draw(clones[0], given.sample, given.seed)
+        futures = [pool.submit(judge, mutant, free, data, seconds) for mutant in sample]
+        try:
+            for future in as_completed(futures):
+                verdict, text = future.result()
+                print(text, flush=True)
+                verdicts[verdict] += 1
+        finally:
+            for future in futures:
+                future.cancel()
+            for clone in clones:
+                end_processes(MARK.format(clone))
+    print(", ".join(f"{count} {verdict}" for verdict, count in verdicts.items()))
 
 
 def main():
-    """Draw, run, and report."""
-    parser = argparse.ArgumentParser(prog="tools/mutate", description=__doc__)
+    """Read the options; the clones are gone with the end."""
+    parser = argparse.ArgumentParser(prog="tools/mutate")
     for name, default in (("sample", 20), ("seed", 1), ("jobs", 1)):
         parser.add_argument(f"--{name}", type=int, default=default)
-    for name in ("map", "rostests", "coverage"):
+    for name in ("rostests", "coverage"):
         parser.add_argument(f"--{name}", action="store_true")
-    parser.add_argument("--seconds", type=float, default=120.0)
-    parser.add_argument("--clones", type=Path)
     given = parser.parse_args()
     # Also where SIGINT is ignored, as under nohup.
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.default_int_handler)
-    known, clones = Map(), []
-    if given.coverage and known.has("test/"):
-        return known.tell()
-    begin = time.monotonic()
+        signal.signal(number, lambda *_: sys.exit("tools/mutate: interrupted"))
     with tempfile.TemporaryDirectory(prefix="g1_mutate_") as folder:
-        place = (given.clones or Path(folder)).resolve()
-        try:
-            for number in range(given.jobs):
-                clones.append(Clone(place / f"clone_{number}"))
-            known.record_all(clones[0], given.jobs, given.rostests)
-            if given.coverage or given.map:
-                return known.tell()
-            sample = draw(clones[0].folder, given.sample, given.seed)
-            print(f"seed {given.seed}, at most {given.seconds:.0f} s for a mutant")
-            print(known.title(), flush=True)
-            count = run(clones, known, sample, given.seconds)
-        except KeyboardInterrupt:
-            sys.exit("tools/mutate: interrupted")
-        finally:
-            for clone in clones:
-                end_processes(clone.mark)
-    seconds = time.monotonic() - begin
-    print(f"{count} of {len(sample)} survived ({seconds:.0f} s)")
+        place = Path(folder).resolve()
+        work(given, [place / str(number) for number in range(given.jobs)])
 
 
 if __name__ == "__main__":
