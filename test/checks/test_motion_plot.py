@@ -2,12 +2,11 @@
 
 import io
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from checked import POST, post_motion
+from checked import POST, assert_as_kept, post_motion
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
@@ -100,10 +99,6 @@ def test_limits_are_at_minus_one_and_one():
     assert in_limits(replace(joint, lower=2.0, upper=2.0), np.ones(1)) == [-1.0]
 
 
-SHOWN = Path(__file__).parents[1] / "data" / "pictures.txt"
-"""What three pictures show. Where it changes, so that you have to write it again, look
-at the output of tools/pictures, too."""
-
 ARM = replace(ROBOT.movable_joints[0], lower=-1.0, upper=3.0, velocity=2.0)
 JOINTS = [replace(ARM, name=f"j{number}_joint") for number in range(12)]
 JOINTS += [
@@ -165,14 +160,13 @@ def three_verdicts():
 
 
 def test_pictures_show_what_they_did(monkeypatch, tmp_path):
+    """If they shall show something else, look at those of tools/pictures, too."""
     figures = []
     monkeypatch.setattr(plot, "_png", figures.append)
     for verdict in three_verdicts():
         motion_plot("/a/b.csv", verdict, JOINTS)
     shown = "".join(f"{line}\n" for figure in figures for line in lines_of(figure))
-    (tmp_path / SHOWN.name).write_text(shown, encoding="utf-8")
-    said = f"if pictures are as they shall be: cp {tmp_path / SHOWN.name} {SHOWN}"
-    assert shown == SHOWN.read_text(encoding="utf-8"), said
+    assert_as_kept(shown, "pictures.txt", tmp_path)
 
 
 def numbers(values):
