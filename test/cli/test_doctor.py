@@ -490,6 +490,25 @@ def of_left(system):
     system.heard["/left/joint_states"] = system.heard["/joint_states"]
 
 
+def of_left_alone(system):
+    of_left(system)
+    system.subscribers["/left/tf_joint_states"] = [RSP]
+    system.parameters["/left/robot_description"] = system.parameters.pop(
+        "/robot_description"
+    )
+    system.tf[:] = [
+        edges_of(RSP, "/tf", ("left/foot", "left/arm"), ("left/arm", "left/tip")),
+        edges_of(doctor.BRIDGE, "/tf", ("map", "left/base_link"), ("world", "map")),
+        edges_of(doctor.BRIDGE, "/tf_static", ("left/base_link", "left/foot")),
+    ]
+
+
+def one_link_more(system):
+    message = system.heard["/gazebo/link_states"][1]
+    message.name += ["post::hand", "post::lamp::bulb"]
+    message.pose *= 2
+
+
 def change(table, key, value=None):
     """Give what changes a table of a system; without a value its key is removed."""
 
@@ -556,6 +575,9 @@ CHANGES = {
     "silent joint states": change("heard", "/joint_states"),
     "no robot state publisher": change("subscribers", "/tf_joint_states"),
     "one in a namespace": of_left,
+    "all of it in a namespace": of_left_alone,
+    "a bag with less": lambda system: (of_bag(system), system.tf.pop(0)),
+    "one link more": one_link_more,
     "TF without an arm": lambda system: system.tf.pop(0),
     "TF without a base": lambda system: system.tf.pop(1),
     "TF twice": lambda system: system.tf.append(
@@ -625,3 +647,56 @@ def test_what_is_said_of_systems_with_a_fault(monkeypatch, tmp_path):
             lines += [name, *examined(patch, given)]
     text = "".join(f"{line}\n" for line in lines)
     assert_as_kept(text.replace(str(REPOSITORY), "HERE"), "doctor.txt", tmp_path)
+
+
+def test_a_signal_ends_the_checks(monkeypatch):
+    monkeypatch.setattr(doctor, "CHECKS", [("a", "", lambda system: "well")])
+    monkeypatch.setattr(doctor, "is_shut_down", lambda: True)
+    with pytest.raises(KeyboardInterrupt):
+        next(doctor.run_checks("", ["a"]))
+
+
+FAULT = doctor.Fault("no_b", "There is no b.", "make b")
+RESULTS = [
+    doctor.Result("tf", "a is there", doctor.OK, "/a"),
+    doctor.Result("picture", "b is there", doctor.BROKEN, FAULT.name, FAULT),
+    doctor.Result("more", "c is there", doctor.NOT_LOOKED_AT),
+]
+
+
+@pytest.mark.parametrize("n_results", [1, 3])
+def test_results_are_told_as_text_and_as_json(monkeypatch, capsys, n_results):
+    asked, fault = [], FAULT if n_results > 1 else None
+
+    def run_checks(*given):
+        asked.append(given)
+        return iter(RESULTS[:n_results])
+
+    monkeypatch.setattr(doctor, "run_checks", run_checks)
+    told = []
+    for words in ([], ["--json", "--namespace", "/left/", "--until", "packages"]):
+        monkeypatch.setattr(sys, "argv", ["doctor", *words])
+        with pytest.raises(SystemExit) as end:
+            doctor.main()
+        assert end.value.code == (1 if fault else 0)
+        told.append(capsys.readouterr().out)
+    assert asked == [("", doctor.LINKS), ("left", ["python", "packages"])]
+    lines = [
+        "ok             tf               a is there (/a)",
+        "broken         picture          b is there (no_b)",
+        "not looked at  more             c is there",
+    ][:n_results]
+    end = ["doctor: There is no b.", "        make b"]
+    end = end if fault else ["doctor: no fault found."]
+    assert told[0].splitlines() == [*lines, "", *end]
+    links = [("tf", "ok", "a is there", "/a")]
+    links += [("picture", "broken", "b is there", "no_b")]
+    links += [("more", "not looked at", "c is there", "")]
+    keys = "name", "state", "about", "remark"
+    assert json.loads(told[1]) == {
+        "whole": not fault,
+        "fault": fault and "no_b",
+        "sentence": fault and "There is no b.",
+        "cure": fault and "make b",
+        "links": [dict(zip(keys, link)) for link in links[:n_results]],
+    }
