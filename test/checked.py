@@ -2,6 +2,7 @@
 
 import os
 import signal
+from pathlib import Path
 
 import numpy as np
 
@@ -64,3 +65,14 @@ def stay(path, robot, rate, topic):
     path.with_name("pid").write_text(str(os.getpid()))
     while True:
         signal.pause()
+
+
+def assert_as_kept(text, name, folder):
+    """Compare a text with the one that is kept as test/data/NAME.
+
+    Where it is as it shall be, keep it: its copy is in the folder.
+    """
+    kept = Path(__file__).parent / "data" / name
+    (folder / name).write_text(text, encoding="utf-8")
+    said = f"if this is as it shall be: cp {folder / name} {kept}"
+    assert text == kept.read_text(encoding="utf-8"), said

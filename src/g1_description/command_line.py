@@ -52,10 +52,10 @@ class Argument:
     about: str
     """Description, for ``--help`` and the row of the command's page."""
 
+    is_positional: bool
+
     names: tuple[str, ...] = ()
     """Its names; empty: ``--`` and the field's name."""
-
-    is_positional: bool = False
 
     shown: str = ""
     """Description of the default; empty: the default itself."""
@@ -101,7 +101,7 @@ def option(
         if given["type"] is float:
             given["type"] = number
     given["default"] = default
-    declared = Argument(about, tuple(names), False, shown, see, given)
+    declared = Argument(about, False, tuple(names), shown, see, given)
     return field(default=default, metadata={"argument": declared})
 
 
@@ -110,7 +110,7 @@ def argument(
 ) -> Any:
     """Declare a positional argument, such as a file."""
     given["type"] = type
-    declared = Argument(about, is_positional=True, shown=shown, given=given)
+    declared = Argument(about, True, shown=shown, given=given)
     if "default" in given:
         return field(default=given["default"], metadata={"argument": declared})
     return field(metadata={"argument": declared})

@@ -95,7 +95,7 @@ def test_processes_find_the_same_and_lose_no_file(checker, files, alone, tmp_pat
         file.write_bytes(files[0].read_bytes())
     dying = FileChecker(checker.checker, plot=True, reader=read_or_die)
     found = checked(Processes(dying, 1), [deadly, once, *files])
-    assert json_text(found[2:]) == json_text(alone)
+    assert json_text(found[2:], 0) == json_text(alone, 0)
     assert [outcome.plot for outcome in found[2:]] == [o.plot for o in alone]
     assert found[0].result == "not checked"
     assert found[0].problem == DIED
@@ -127,7 +127,7 @@ def test_a_process_that_dies_with_nothing_to_do_is_replaced(checker, files, alon
             wait_for(lambda: threading.active_count() == n_threads, "it to be seen")
     finally:
         workers.close()
-    assert json_text(in_order(found)) == json_text(alone[:2])
+    assert json_text(in_order(found), 0) == json_text(alone[:2], 0)
 
 
 WAITING = """
@@ -186,7 +186,7 @@ def test_a_cluster_finds_the_same_though_a_worker_dies_until_all_went(
             if not found:
                 os.kill(next(iter(workers)).process.pid, signal.SIGKILL)
             found.append(item)
-        assert json_text(in_order(found)) == json_text(alone)
+        assert json_text(in_order(found), 0) == json_text(alone, 0)
         assert [o.plot for o in in_order(found)] == [o.plot for o in alone]
         monkeypatch.setattr(batch, "PATIENCE", 1.0)
         with pytest.raises(ClusterError, match="has no workers left"):

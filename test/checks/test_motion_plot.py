@@ -1,18 +1,21 @@
-"""Pictures of motions: their size, their colours, and what thinning keeps."""
+"""Pictures of motions: what is where in which colour, and what thinning keeps."""
 
 import io
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from checked import POST, post_motion
+from checked import POST, assert_as_kept, post_motion
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
+from g1_description.checks import plot
 from g1_description.checks.checker import Checker
 from g1_description.checks.plot import motion_plot
 from g1_description.checks.plot_panels import COLORS, MAX_BINS, bars, in_limits, thinned
+from g1_description.checks.verdict import Finding, Verdict
 from g1_description.motion.motion import Motion
 from g1_description.motion.trajectory import Trajectory
 from g1_description.robot.urdf import parse_urdf
@@ -48,6 +51,7 @@ def test_a_picture_shows_what_failed_and_is_the_same_again(checker):
         assert picture.startswith(b"\x89PNG")
     assert count(clean, COLORS["failed"]) < 10
     assert count(failed, COLORS["failed"]) > 1000
+    assert len(Image.open(io.BytesIO(failed)).getcolors()) <= 128
 
 
 @pytest.mark.parametrize(
@@ -88,3 +92,147 @@ def test_limits_are_at_minus_one_and_one():
     joint = replace(ROBOT.movable_joints[0], lower=-0.2, upper=2.8)
     found = in_limits(joint, np.array([-0.2, 1.3, 2.8, 4.3]))
     np.testing.assert_allclose(found, [-1.0, 0.0, 1.0, 2.0], atol=1e-12)
+    without = replace(joint, lower=-np.inf, upper=np.inf)
+    found = in_limits(without, np.array([0.0, -4.0, 2.0]))
+    np.testing.assert_allclose(found, [0.0, -1.0, 0.5])
+    assert in_limits(without, np.zeros(1)).tolist() == [0.0]
+    assert in_limits(replace(joint, lower=2.0, upper=2.0), np.ones(1)) == [-1.0]
+
+
+ARM = replace(ROBOT.movable_joints[0], lower=-1.0, upper=3.0, velocity=2.0)
+JOINTS = [replace(ARM, name=f"j{number}_joint") for number in range(12)]
+JOINTS += [
+    replace(ARM, name="wheel_joint", lower=-np.inf, upper=np.inf, velocity=np.inf),
+    replace(ARM, name="slow_joint", velocity=0.0),
+]
+
+
+def finding(check, severity, subject, *intervals):
+    numbers = 0.5, 0.1, "rad", 1.0, 2.0, 0.5
+    return Finding(check, severity, subject, *numbers, intervals, "far")
+
+
+def three_verdicts():
+    """Give verdicts with all there is to be shown, with many joints, and with nothing.
+
+    Their measurements are what pictures need of them.
+    """
+    found = (
+        finding("position", "failed", ("j1_joint",), (2.0, 10.0)),
+        finding("skating", "failed", ("left_link",), (1.0, 2.0)),
+        finding("self_collision", "failed", ("arm_link", "leg_link"), (2.0, 2.0)),
+        finding("position", "warning", ("j1_joint",), (1.0, 10.0)),
+        finding("penetration", "warning", (), (9.0, 10.0), (0.0, 1.0), (0.5, 2.0)),
+        finding("floating", "failed", ("x" * 60,), (5.0, 6.0)),
+        finding("center_of_mass", "warning", ("left_link",), (3.0, 4.0)),
+        finding("zero_moment_point", "failed", (), (0.0, 0.5)),
+    )
+    full = SimpleNamespace(
+        times=np.array([0.0, 1.0, 2.0, 10.0]),
+        joint_names=("wheel_joint", "j1_joint", "slow_joint"),
+        positions=np.array([[0, -1, 1], [0.5, 1, 1], [-0.25, 3, 1], [0, 9, 1]]),
+        velocities=np.array([[9.0, 0, 9], [9, 1, 9], [9, -1, 9], [9, 0.5, 9]]),
+        ground_links=("left_link", "other_link", "right_link"),
+        heights=np.array([[0.0, 9, 0.1], [0.1, 9, np.inf], [0.0, 9, 0.5], [-1, 9, 0]]),
+        balance=SimpleNamespace(
+            zmp_margin=np.array([0.1, -2.0, 0.05, 0.5]),
+            center_margin=np.array([0.1, 0.0, np.nan, 0.05]),
+        ),
+        depth=np.array([0.0, 0.002, 0.02, 0.0]),
+    )
+    bearing = {"left_link": ((0.0, 0.5), (2.0, 3.0)), "right_link": ((9.0, 10.0),)}
+    yield Verdict("r", found, ("self_collision",), bearing=bearing, measured=full)
+    names = tuple(joint.name for joint in JOINTS[:12])
+    state = SimpleNamespace(
+        times=np.array([3.0]),
+        joint_names=names,
+        positions=np.linspace(-1.0, 3.0, 12)[None],
+        velocities=np.linspace(0.0, 4.0, 12)[None],
+        ground_links=(),
+        heights=np.zeros((1, 0)),
+        balance=None,
+        depth=np.zeros(1),
+    )
+    many = tuple(finding(f"c{n}", "warning", (), (3.0, 3.0)) for n in range(16))
+    yield Verdict("s", many, ("self_collision",), measured=state)
+    one = {**vars(state), "joint_names": names[1:2], "heights": None}
+    yield Verdict("t", measured=SimpleNamespace(**one))
+
+
+def test_pictures_show_what_they_did(monkeypatch, tmp_path):
+    """If they shall show something else, look at those of tools/pictures, too."""
+    figures = []
+    monkeypatch.setattr(plot, "_png", figures.append)
+    for verdict in three_verdicts():
+        motion_plot("/a/b.csv", verdict, JOINTS)
+    shown = "".join(f"{line}\n" for figure in figures for line in lines_of(figure))
+    assert_as_kept(shown, "pictures.txt", tmp_path)
+
+
+def numbers(values):
+    return " ".join(f"{value + 0.0:.5g}" for value in np.ravel(values))
+
+
+def color(rgba):
+    red, green, blue, alpha = (f"{round(255 * part):02x}" for part in rgba)
+    return f"#{red}{green}{blue}/{alpha}"
+
+
+def lines_of(figure):
+    """Tell what a figure shows, as lines of text."""
+    yield f"figure {numbers(figure.get_size_inches())}"
+    for text in figure.texts:
+        yield text_line(text)
+        box = text.get_bbox_patch()
+        yield f"box {box and color(box.get_facecolor())}"
+    for axes in figure.axes:
+        place = axes.get_position()
+        yield f"axes {numbers(place.bounds)}"
+        yield from lines_of_axes(axes)
+
+
+def lines_of_axes(axes):
+    spines, tick = axes.spines, axes.xaxis.get_major_ticks()[0]
+    yield f"title {axes.get_title('left')}"
+    shown = [name for name in spines if spines[name].get_visible()]
+    yield f"spines {spines['left'].get_linewidth()} {shown}"
+    dash = tick.tick1line
+    yield f"ticks {dash.get_markersize()} {dash.get_markeredgewidth()}"
+    if tick.gridline.get_visible():
+        grid = tick.gridline
+        look = f"{grid.get_color()} {grid.get_linewidth()} {axes.get_axisbelow()}"
+        yield f"grid {look}"
+    for axis, limits in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
+        label, sizes = axis.label, [t.get_fontsize() for t in axis.get_ticklabels()[:1]]
+        look = f"{sizes} {axis.get_label_text()} {label.get_fontsize()} {axis.labelpad}"
+        yield f"axis {numbers(limits)} {look}"
+    names = [text.get_text() for text in axes.get_yticklabels()]
+    yield f"rows {[name for name in names if name[:1].islower()]}"
+    for patch in axes.patches:
+        path = patch.get_patch_transform().transform_path(patch.get_path())
+        place = numbers(path.get_extents().bounds)
+        yield f"patch {color(patch.get_facecolor())} z{patch.zorder} {place}"
+    for shown in axes.collections:
+        paths = ", ".join(numbers(p.get_extents().bounds) for p in shown.get_paths())
+        (face,), (width,) = shown.get_facecolor(), shown.get_linewidth()
+        yield f"area {color(face)} z{shown.zorder} w{width} {paths}"
+    for line in axes.lines:
+        x, y = map(numbers, line.get_data())
+        look = f"{line.get_color()} w{line.get_linewidth()} '{line.get_marker()}'"
+        yield f"line {look}: {x}; {y}"
+    yield from map(text_line, axes.texts)
+    legend = axes.get_legend()
+    if legend:
+        place, pad = legend.get_bbox_to_anchor(), legend.borderaxespad
+        yield f"legend {numbers(place.bounds)} {pad} {legend.get_frame_on()}"
+        for handle in (*legend.get_lines(), *legend.get_patches()):
+            is_line = hasattr(handle, "get_marker")
+            look = handle.get_color() if is_line else color(handle.get_facecolor())
+            yield f"handle {look} {handle.get_linewidth()}"
+        yield from map(text_line, legend.get_texts())
+
+
+def text_line(text):
+    look = f"{text.get_color()} {text.get_fontsize()} {text.get_weight()}"
+    align = f"{text.get_ha()} {text.get_va()}"
+    return f"text {numbers(text.get_position())} {align} {look} {text.get_text()!r}"

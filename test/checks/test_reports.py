@@ -121,16 +121,34 @@ def test_csv_has_a_row_for_each_file(outcomes):
             assert (row[name] == "passed") == (name in verdict.checked and not worst)
 
 
+HEADS = "file,result,failed,warnings,first_time,problem,duration,samples,"
+HEADS += "samples_beyond_limits,largest_joint_speed,deepest_self_collision,"
+HEADS += "lowest_height,least_center_margin,least_zmp_margin,fall_time,"
+HEADS += "rms_tracking_error,largest_tracking_error,"
+
+
 def test_the_worst_distance_is_the_smallest():
-    far, near = (finding(worst=worst, bound=0.5) for worst in (0.25, 0.125))
+    """A check fails with its worst finding; a time is that of the first one."""
+    far, near = (
+        finding(worst=worst, bound=0.5, severity=severity)
+        for worst, severity in ((0.25, "failed"), (0.125, "warning"))
+    )
     outcome = FileResult("a", Verdict("r", (far, near), ("position",)))
-    (row,) = csv.DictReader(io.StringIO(csv_text([outcome])))
-    assert row["position_worst"] == "0.125"
+    text = csv_text([outcome])
+    assert text.startswith(HEADS)
+    (row,) = csv.DictReader(io.StringIO(text))
+    assert (row["position"], row["position_worst"]) == ("failed", "0.125")
+    assert (row["failed"], row["warnings"], row["first_time"]) == ("1", "1", "1.25")
+    mild = FileResult("a", Verdict("r", (near,), ("position",)))
+    (row,) = csv.DictReader(io.StringIO(csv_text([mild])))
+    assert row["position"] == "warning"
 
 
 def test_what_json_has_no_number_for_is_null():
     outcome = FileResult("a", Verdict("r", (finding(worst=math.inf),), ("position",)))
-    assert json.loads(json_text([outcome]))["files"][0]["findings"][0]["worst"] is None
+    assert (
+        json.loads(json_text([outcome], 0))["files"][0]["findings"][0]["worst"] is None
+    )
 
 
 class Page(HTMLParser):
@@ -167,7 +185,7 @@ def test_the_page_needs_nothing_from_elsewhere(tmp_path_factory, outcomes):
     picture = folder / "picture.png"
     picture.write_bytes(b"\x89PNG")
     pictures = [picture if outcome.verdict else None for outcome in outcomes]
-    write_page(folder / "page.html", outcomes, pictures)
+    write_page(folder / "page.html", outcomes, pictures, 0)
     text = (folder / "page.html").read_text(encoding="utf-8")
     page = Page(text)
     assert page.open == []
@@ -180,13 +198,60 @@ def test_the_page_needs_nothing_from_elsewhere(tmp_path_factory, outcomes):
     assert data == ["data:image/png;base64,iVBORw=="] * sum(map(bool, pictures))
 
 
-def test_names_on_the_page_are_text(tmp_path):
-    name = '<b>&amp;"x"</b>'
-    verdict = Verdict(name, (finding(subject=(name,)),), ("position",), notes=(name,))
-    write_page(tmp_path / "page.html", [FileResult(name, verdict)], [None])
-    page = Page((tmp_path / "page.html").read_text(encoding="utf-8"))
-    assert "b" not in page.tags
-    assert page.text.count(name) == 5
+BODY = """
+<h1>Checks of motions</h1>
+<p>2 files: 1 failed, 1 not read; interrupted, 3 not done.</p>
+<table>
+<tr><th>file</th><th>result</th><th>failed</th><th>warnings</th><th>first at</th>\
+<th>checks that failed</th></tr>
+<tr><td><a href="#file0">&lt;b&gt;\\udcff</a></td>\
+<td><span class="result failed">failed</span></td><td>1</td><td>1</td>\
+<td>1.250 s</td><td>position</td></tr>
+<tr><td><a href="#file1">&amp;.csv</a></td>\
+<td><span class="result not">not read</span></td><td></td><td></td><td></td>\
+<td>1 &lt; 2.</td></tr>
+</table>
+<h2 id="file0">&lt;b&gt;\\udcff <span class="result failed">failed</span></h2>
+<p class="about">&lt;r&gt;: duration 3, least zmp margin 0.1235</p>
+<table>
+<tr><th></th><th>check</th><th>joint, link or pair</th><th>worst</th><th>first at</th>\
+<th>share of time</th></tr>
+<tr><td><span class="result failed">failed</span></td><td>position</td>\
+<td>&lt;i&gt;</td><td>0.5 rad</td><td>1.250 s</td><td>50.0 %</td></tr>
+<tr><td><span class="result warning">warning</span></td><td>fall</td>\
+<td>the robot</td><td></td><td>1.250 s</td><td></td></tr>
+</table>
+<p class="about">1 &gt; 0</p>
+<p class="about">skipped: jerk (a &amp; b)</p>
+<h2 id="file1">&amp;.csv <span class="result not">not read</span></h2>
+<p>1 &lt; 2.</p>
+</body>
+</html>
+"""
+
+
+def test_the_page_says_what_was_found_and_names_are_text(tmp_path):
+    fall = finding(severity="warning", check="fall", subject=(), unit="")
+    verdict = Verdict(
+        "<r>",
+        (finding(subject=("<i>",)), fall),
+        ("position", "fall"),
+        {"jerk": "a & b"},
+        {"duration": 3.0, "least_zmp_margin": 0.12346},
+        notes=("1 > 0",),
+    )
+    failed = FileResult("<b>\udcff", verdict)  # a byte of its name is no text
+    not_read = FileResult("&.csv", None, "1 < 2.", NOT_READ)
+    write_page(tmp_path / "page.html", [failed, not_read], [None, None], 3)
+    text = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert text.split("<body>")[1] == BODY
+    plain = Verdict("r")
+    write_page(tmp_path / "page.html", [FileResult("a.csv", plain)], [None], 0)
+    text = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert Page(text).text.endswith(
+        "1 file: 1 passed.\n\nfileresultfailedwarningsfirst atchecks that failed\n"
+        "a.csvpassed00\n\na.csv passed\nr: \n\n\n"
+    )
 
 
 def test_the_table_says_what_was_found():
@@ -201,6 +266,7 @@ def test_the_table_says_what_was_found():
     lines = outcome_text(FileResult("a.csv", verdict)).splitlines()
     assert lines[0] == "a.csv: failed, 3.00 s, 91 samples"
     words = [" ".join(line.split()) for line in lines]
+    assert words[1] == "check joint, link or pair worst first at share of time"
     assert words[2] == "failed position elbow 0.5 rad 1.250 s 50.0 %"
     assert words[3] == "warning fall the robot 1.250 s"
     assert lines[4:] == [
@@ -221,6 +287,8 @@ def test_columns_are_aligned():
         (["p"], 0, "1 file: 1 passed"),
         (["p", "p", "f", "n"], 0, "4 files: 2 passed, 1 failed, 1 not read"),
         (["f"], 2, "1 file: 1 failed; interrupted, 2 not done"),
+        (["w"], 0, "1 file: 1 with a warning"),
+        (["w", "w"], 0, "2 files: 2 with warnings"),
     ],
 )
 def test_the_last_line_counts(results, not_done, text):
@@ -228,5 +296,9 @@ def test_the_last_line_counts(results, not_done, text):
         "p": FileResult("a", Verdict("r")),
         "f": FileResult("a", Verdict("r", (finding(),), ("position",))),
         "n": FileResult("a", problem="empty", without_verdict=NOT_READ),
+        "w": FileResult(
+            "a", Verdict("r", (finding(severity="warning"),), ("position",))
+        ),
     }
+    assert outcome_text(kinds["n"]) == "a: not read: empty"
     assert summary_text([kinds[result] for result in results], not_done) == text

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from checked import POST as TEXT
-from checked import post_motion
+from checked import assert_as_kept, post_motion
 
 from g1_description.checks.measured import CHUNK, CheckedRobot, measure
 from g1_description.checks.rule import Rule
@@ -22,6 +22,17 @@ def test_each_rule_is_listed_once():
     names = [rule.name for rule in RULES]
     assert len(names) == len({*names})
     assert not {*names} & {*vars(Thresholds())}
+
+
+def test_rules_are_what_they_were(tmp_path):
+    lines = []
+    for rule in RULES:
+        functions = [f.__name__ for f in (rule.find, rule.measure, rule.skip) if f]
+        told = {k: v for k, v in vars(rule).items() if v and not callable(v)}
+        del told["about"], told["limit"]  # prose
+        lines.append(f"{told.pop('name')} {' '.join(functions)}\n")
+        lines += [f"  {name}: {value}\n" for name, value in told.items()]
+    assert_as_kept("".join(lines), "rules.txt", tmp_path)
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ import socket
 import subprocess
 import sys
 import threading
+from collections import defaultdict
 from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,6 +16,7 @@ from xmlrpc.server import SimpleXMLRPCServer
 
 import numpy as np
 import pytest
+from checked import assert_as_kept
 from conftest import REPOSITORY
 
 from g1_description.cli import doctor
@@ -463,29 +465,313 @@ def test_a_bag_needs_no_bridge(monkeypatch):
     assert found[1].remark == "not needed, joint states come from /bag"
 
 
-FAULT = doctor.Fault("no_tf", "TF lacks all.", "rosnode kill /rsp")
-LINES = """\
-ok             nodes            all answer (2)
-broken         tf               TF is complete (no_tf)
-not looked at  picture          RViz runs
+# --- a whole system -----------------------------------------------------------------
 
-doctor: TF lacks all.
-        rosnode kill /rsp
-"""
+POST = """<robot name="post"><link name="foot"><inertial><mass value="1"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="arm"><visual><geometry><mesh filename="{mesh}"/></geometry></visual>
+<inertial><mass value="1"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="tip"/>
+<joint name="elbow" type="revolute"><parent link="foot"/><child link="arm"/>
+<axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+<joint name="end" type="revolute"><parent link="arm"/><child link="tip"/>
+<axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+</robot>"""
+MESH = f"file://{REPOSITORY}/package.xml"  # any file
+SIM, RSP = "/gazebo", "/robot_state_publisher"
 
 
-@pytest.mark.parametrize(
-    ("tf", "code", "told"), [(FAULT, 1, LINES), ("", 0, "\ndoctor: no fault found.\n")]
-)
-def test_the_command_prints_the_links_and_the_cure(monkeypatch, capsys, tf, code, told):
-    checks = [
-        ("nodes", "all answer", lambda system: "2"),
-        ("tf", "TF is complete", lambda system: tf),
-        ("picture", "RViz runs", lambda system: ""),
+def edges_of(sender, topic, *pairs):
+    """Give a message of TF, as it was heard."""
+    transforms = [
+        SimpleNamespace(header=SimpleNamespace(frame_id=parent), child_frame_id=child)
+        for parent, child in pairs
     ]
-    monkeypatch.setattr(doctor, "CHECKS", checks)
-    monkeypatch.setattr(sys, "argv", ["doctor", "__name:=other"])
-    with pytest.raises(SystemExit) as end:
-        doctor.main()
-    assert end.value.code == code
-    assert capsys.readouterr().out.endswith(told)
+    return topic, sender, SimpleNamespace(transforms=transforms)
+
+
+def whole_system():
+    """Give a system without a fault."""
+    pose = SimpleNamespace(
+        position=SimpleNamespace(x=1.0, y=2.0, z=3.0),
+        orientation=SimpleNamespace(x=0.0, y=0.0, z=0.0, w=1.0),
+    )
+    status = SimpleNamespace(name="bridge: links", level=0, message="good")
+    return SimpleNamespace(
+        namespace="",
+        publishers={
+            "/clock": [SIM],
+            "/gazebo/link_states": [SIM],
+            "/tf_joint_states": [doctor.BRIDGE],
+            "/joint_states": [doctor.BRIDGE],
+            "/tf": [doctor.BRIDGE, RSP],
+            "/tf_static": [doctor.BRIDGE],
+        },
+        subscribers={"/tf_joint_states": [RSP]},
+        services={
+            "/gazebo/set_model_configuration": [SIM],
+            "/rviz/reload_shaders": ["/rviz"],
+        },
+        parameters={
+            "/robot_description": POST.format(mesh=MESH),
+            "/use_sim_time": True,
+            doctor.BRIDGE: {"model_name": "post"},
+        },
+        pids={SIM: 7, "/page": 8},
+        here={SIM},
+        answers={
+            "/gazebo/get_physics_properties": SimpleNamespace(pause=False),
+            "/gazebo/get_world_properties": SimpleNamespace(model_names=["post"]),
+        },
+        heard={
+            "/clock": [SIM, "time"],
+            "/gazebo/link_states": [
+                SIM,
+                SimpleNamespace(
+                    name=["post::foot", "post::arm", "post::tip"], pose=[pose] * 3
+                ),
+            ],
+            "/joint_states": [doctor.BRIDGE, SimpleNamespace(name=["elbow", "end"])],
+            "/diagnostics": [doctor.BRIDGE, SimpleNamespace(status=[status])],
+        },
+        tf=[
+            edges_of(RSP, "/tf", ("foot", "arm"), ("arm", "/tip")),
+            edges_of(doctor.BRIDGE, "/tf", ("map", "base_link")),
+            edges_of(
+                doctor.BRIDGE, "/tf_static", ("world", "map"), ("base_link", "foot")
+            ),
+        ],
+        screen=":0",
+    )
+
+
+def of_bag(system):
+    system.services.clear()
+    system.publishers = {"/joint_states": ["/bag"], "/tf": ["/bag"]}
+    system.parameters["/use_sim_time"] = False
+    system.screen = ""
+
+
+def of_left(system):
+    """Move the robot into a namespace."""
+    system.namespace = "left"
+    robots = [{"name": "post", "namespace": "left", "frame_prefix": "left/"}]
+    system.parameters[doctor.BRIDGE] = {"robots": robots}
+    for table in (system.publishers, system.subscribers):
+        for name in ("joint_states", "tf_joint_states"):
+            table[f"/left/{name}"] = table.pop(f"/{name}", [])
+    system.subscribers["/left/tf_joint_states"] = []
+    system.heard["/left/joint_states"] = system.heard["/joint_states"]
+
+
+def of_left_alone(system):
+    of_left(system)
+    system.subscribers["/left/tf_joint_states"] = [RSP]
+    system.parameters["/left/robot_description"] = system.parameters.pop(
+        "/robot_description"
+    )
+    system.tf[:] = [
+        edges_of(RSP, "/tf", ("left/foot", "left/arm"), ("left/arm", "left/tip")),
+        edges_of(doctor.BRIDGE, "/tf", ("map", "left/base_link"), ("world", "map")),
+        edges_of(doctor.BRIDGE, "/tf_static", ("left/base_link", "left/foot")),
+    ]
+
+
+def one_link_more(system):
+    message = system.heard["/gazebo/link_states"][1]
+    message.name += ["post::hand", "post::lamp::bulb"]
+    message.pose *= 2
+
+
+def change(table, key, value=None):
+    """Give what changes a table of a system; without a value its key is removed."""
+
+    def apply(system):
+        if value is None:
+            del getattr(system, table)[key]
+        else:
+            getattr(system, table)[key] = value
+
+    return apply
+
+
+def models(*names):
+    told = SimpleNamespace(model_names=names)
+    return change("answers", "/gazebo/get_world_properties", told)
+
+
+def renamed(system):
+    models("robot")(system)
+    message = system.heard["/gazebo/link_states"][1]
+    message.name = ["robot::foot", "robot::arm", "lamp::bulb"]
+
+
+def bad_report(system):
+    (status,) = system.heard["/diagnostics"][1].status
+    status.level = 2
+
+
+CHANGES = {
+    "nothing": lambda system: None,
+    "a bag": of_bag,
+    "no description": change("parameters", "/robot_description"),
+    "a description that is none": change("parameters", "/robot_description", "<a/>"),
+    "a mesh": change(
+        "parameters", "/robot_description", POST.format(mesh="file:///no")
+    ),
+    "a simulator elsewhere": lambda system: system.here.clear(),
+    "no simulator": change("services", "/gazebo/set_model_configuration"),
+    "a hung simulator": change("answers", "/gazebo/get_physics_properties"),
+    "no simulated time": change("parameters", "/use_sim_time", False),
+    "no clock": change("publishers", "/clock"),
+    "two clocks": change("publishers", "/clock", [SIM, "/bag"]),
+    "pause": change(
+        "answers", "/gazebo/get_physics_properties", SimpleNamespace(pause=True)
+    ),
+    "a silent clock": change("heard", "/clock"),
+    "no link states": change("publishers", "/gazebo/link_states"),
+    "silent link states": change("heard", "/gazebo/link_states"),
+    "no bridge": change("publishers", "/tf_joint_states"),
+    "a bridge elsewhere": lambda system: (
+        change("publishers", "/tf_joint_states")(system),
+        change("publishers", "/right/tf_joint_states", ["/right/bridge"])(system),
+    ),
+    "two bridges": change("publishers", "/tf_joint_states", ["/a", doctor.BRIDGE]),
+    "no world": change("answers", "/gazebo/get_world_properties"),
+    "no models": models(),
+    "another name": renamed,
+    "another robot": change(
+        "parameters",
+        "/robot_description",
+        POST.format(mesh=MESH).replace("arm", "leg"),
+    ),
+    "two joint states": change("publishers", "/joint_states", ["/a", doctor.BRIDGE]),
+    "silent joint states": change("heard", "/joint_states"),
+    "no robot state publisher": change("subscribers", "/tf_joint_states"),
+    "one in a namespace": of_left,
+    "all of it in a namespace": of_left_alone,
+    "a bag with less": lambda system: (of_bag(system), system.tf.pop(0)),
+    "one link more": one_link_more,
+    "TF without an arm": lambda system: system.tf.pop(0),
+    "TF without a base": lambda system: system.tf.pop(1),
+    "TF twice": lambda system: system.tf.append(
+        edges_of("/other", "/tf", ("foot", "arm"))
+    ),
+    "no reports": change("heard", "/diagnostics"),
+    "a bad report": bad_report,
+    "a page": lambda system: (
+        system.services.pop("/rviz/reload_shaders"),
+        system.parameters.update({"/page": {"controls": 1, "port": 1, "read_only": 1}}),
+    ),
+    "no picture": change("services", "/rviz/reload_shaders"),
+    "no screen": lambda system: (
+        system.services.pop("/rviz/reload_shaders"),
+        setattr(system, "screen", ""),
+    ),
+}
+
+
+def examined(monkeypatch, given):
+    """Give what the doctor says of a system, as lines of text."""
+
+    def begin(system):
+        for name in ("publishers", "subscribers", "services"):
+            setattr(system, name, defaultdict(list, getattr(given, name)))
+        system.pids, system.here = given.pids, given.here
+        return "begun"
+
+    def call(service, kind):
+        if service not in given.answers:
+            raise OSError(service)
+        return given.answers[service]
+
+    def listen(topics, is_enough):
+        heard = [(t, *given.heard[t]) for t in topics if t in given.heard]
+        heard += given.tf if "/tf" in topics else []
+        is_enough(heard)
+        return heard
+
+    monkeypatch.setattr(
+        doctor.System,
+        "parameter",
+        lambda self, name, default=None: given.parameters.get(name, default),
+    )
+    checks = doctor.CHECKS[doctor.LINKS.index("description") :]
+    monkeypatch.setattr(doctor, "CHECKS", [("begin", "", begin), *checks])
+    monkeypatch.setattr(doctor, "call", call)
+    monkeypatch.setattr(doctor, "listen", listen)
+    monkeypatch.setattr(doctor, "TF_WAIT", 0.0)
+    monkeypatch.setenv("DISPLAY", given.screen)
+    names = [name for name, _, _ in doctor.CHECKS]
+    results = list(doctor.run_checks(given.namespace, names))
+    faults = [result.fault for result in results if result.fault]
+    for fault in faults:
+        yield f"  {fault.name}"
+        yield from (f"    {fault.sentence}", f"    {fault.cure}")
+    if not faults:
+        yield from (f"  {result.name}: {result.remark}" for result in results)
+
+
+def test_what_is_said_of_systems_with_a_fault(monkeypatch, tmp_path):
+    lines = []
+    for name, apply in CHANGES.items():
+        given = whole_system()
+        apply(given)
+        with monkeypatch.context() as patch:
+            lines += [name, *examined(patch, given)]
+    text = "".join(f"{line}\n" for line in lines)
+    assert_as_kept(text.replace(str(REPOSITORY), "HERE"), "doctor.txt", tmp_path)
+
+
+def test_a_signal_ends_the_checks(monkeypatch):
+    monkeypatch.setattr(doctor, "CHECKS", [("a", "", lambda system: "well")])
+    monkeypatch.setattr(doctor, "is_shut_down", lambda: True)
+    with pytest.raises(KeyboardInterrupt):
+        next(doctor.run_checks("", ["a"]))
+
+
+FAULT = doctor.Fault("no_b", "There is no b.", "make b")
+RESULTS = [
+    doctor.Result("tf", "a is there", doctor.OK, "/a"),
+    doctor.Result("picture", "b is there", doctor.BROKEN, FAULT.name, FAULT),
+    doctor.Result("more", "c is there", doctor.NOT_LOOKED_AT),
+]
+
+
+@pytest.mark.parametrize("n_results", [1, 3])
+def test_results_are_told_as_text_and_as_json(monkeypatch, capsys, n_results):
+    asked, fault = [], FAULT if n_results > 1 else None
+
+    def run_checks(*given):
+        asked.append(given)
+        return iter(RESULTS[:n_results])
+
+    monkeypatch.setattr(doctor, "run_checks", run_checks)
+    told = []
+    for words in ([], ["--json", "--namespace", "/left/", "--until", "packages"]):
+        monkeypatch.setattr(sys, "argv", ["doctor", *words])
+        with pytest.raises(SystemExit) as end:
+            doctor.main()
+        assert end.value.code == (1 if fault else 0)
+        told.append(capsys.readouterr().out)
+    assert asked == [("", doctor.LINKS), ("left", ["python", "packages"])]
+    lines = [
+        "ok             tf               a is there (/a)",
+        "broken         picture          b is there (no_b)",
+        "not looked at  more             c is there",
+    ][:n_results]
+    end = ["doctor: There is no b.", "        make b"]
+    end = end if fault else ["doctor: no fault found."]
+    assert told[0].splitlines() == [*lines, "", *end]
+    links = [("tf", "ok", "a is there", "/a")]
+    links += [("picture", "broken", "b is there", "no_b")]
+    links += [("more", "not looked at", "c is there", "")]
+    keys = "name", "state", "about", "remark"
+    assert json.loads(told[1]) == {
+        "whole": not fault,
+        "fault": fault and "no_b",
+        "sentence": fault and "There is no b.",
+        "cure": fault and "make b",
+        "links": [dict(zip(keys, link)) for link in links[:n_results]],
+    }

@@ -16,6 +16,7 @@ from g1_description.errors import (
     PoseFileError,
     UnknownNameError,
 )
+from g1_description.robot import poses
 from g1_description.robot.poses import (
     Pose,
     check_pose,
@@ -280,3 +281,15 @@ def test_a_file_keeps_its_mode_when_it_is_replaced(tmp_path):
     save_pose(Pose("low", {"knee": 1.0}), file)
     assert file.stat().st_mode & 0o777 == 0o640
     assert file.read_text() == "low:\n  knee: 1.0\n"
+
+
+def test_poses_of_the_package_are_not_replaced(tmp_path, monkeypatch):
+    """What is beside the package may be."""
+    package = tmp_path / "g1" / "config" / "poses.yaml"
+    monkeypatch.setattr(poses, "package_file", lambda: package)
+    for file in (package, tmp_path / "g1" / "mine.yaml"):
+        with pytest.raises(G1DescriptionError, match="belongs to the package"):
+            save_pose(Pose("low", {"knee": 1.0}), file)
+        assert not file.exists()
+    save_pose(Pose("low", {"knee": 1.0}), tmp_path / "mine.yaml")
+    assert (tmp_path / "mine.yaml").read_text() == "low:\n  knee: 1.0\n"

@@ -8,6 +8,7 @@ import shlex
 import sys
 import threading
 from pathlib import Path
+from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -23,15 +24,19 @@ pytest.importorskip("viser", reason="viser is not installed")
 import viser
 
 from g1_description.checks.verdict import FAILED, WARNING, Finding, Verdict
-from g1_description.errors import InvalidValueError
+from g1_description.errors import (
+    G1DescriptionError,
+    InvalidValueError,
+    UnknownNameError,
+)
 from g1_description.motion.motion import Motion
 from g1_description.motion.trajectory import Trajectory
 from g1_description.robot.description import Joint
 from g1_description.robot.poses import parse_poses
 from g1_description.robot.state import RobotState
 from g1_description.robot.transform import IDENTITY
+from g1_description.web import controls, plots
 from g1_description.web import findings_panel as findings
-from g1_description.web import plots
 from g1_description.web.controls import JointPanel, slider_range
 from g1_description.web.plots import PlotPanel
 from g1_description.web.show import configuration_command, configuration_yaml
@@ -212,6 +217,80 @@ def test_a_value_that_has_just_come_is_not_overwritten_by_an_old_state(
     wait_for(lambda: ui.do_all() or shown.commands, "what was wanted")
     assert shown.commands == [{"to_b": 1.25}]
     assert slider.value == 1.25
+
+
+# --- poses ---
+
+
+@pytest.fixture
+def poses(server, monkeypatch, tmp_path):
+    """Give a panel of poses, whose actions are done by calling them, and its file."""
+    file = tmp_path / "poses.yaml"
+    file.write_text("low:\n  to_b: 0.5\nother:\n  nose: 0.5\n")
+    monkeypatch.setattr(controls, "user_file", lambda: file)
+    monkeypatch.setattr(
+        controls, "read_poses", lambda: parse_poses(file.read_text(), str(file))
+    )
+    done = []
+    ui = SimpleNamespace(
+        on=lambda handle, action: None,
+        wait_for=lambda action: action(),
+        tell=lambda *words: done.append(words),
+    )
+    world = SimpleNamespace(move=lambda *given: done.append(given))
+    joints = SimpleNamespace(let_go=lambda: done.append("let go"))
+    panel = controls.PosePanel(server.gui, ui, world, Shown(), joints)
+    return panel, file, done
+
+
+def test_the_poses_that_fit_are_taken_in_a_time(poses):
+    panel, file, done = poses
+    assert panel._poses.options == ("low",)
+    assert panel._seconds.value == 0.0
+    goal = {"to_b": 0.5, "to_c": 0.0}
+    for seconds in (0.0, 10.0):
+        done.clear()
+        panel._seconds.value = seconds
+        panel._take()
+        assert done == ["let go", (panel._robot, goal, seconds)]
+    for seconds in (-0.1, 10.1):
+        panel._seconds.value = seconds
+        with pytest.raises(InvalidValueError, match="must be from 0 to 10 "):
+            panel._take()
+    file.write_text("low:\n  nose: 0.5\n")
+    with pytest.raises(UnknownNameError, match="nose"):
+        panel._take()
+    assert len(done) == 2
+    empty = controls.PosePanel(panel._gui, panel._ui, None, panel._robot, None)
+    assert empty._poses.options == ("none",)
+
+
+def test_a_pose_is_saved_under_a_new_name_or_where_it_is_wanted(poses):
+    panel, file, done = poses
+    shown = panel._robot
+    shown.where = state({"to_b": 0.25, "to_c": -0.5, "of_somebody_else": 9.0})
+    for name, told in (
+        (" ", "Enter a name"),
+        ("a b", "a b"),
+        ("zero", "built-in"),
+        ("low", "already exists"),
+    ):
+        panel._name.value = name
+        with pytest.raises(G1DescriptionError, match=told):
+            panel._save()
+    panel._replace.value = True
+    panel._save()
+    (pose,) = (p for p in controls.read_poses().values() if p.name == "low")
+    assert pose.positions == {"to_b": 0.25, "to_c": -0.5}
+    assert pose.about == "saved in the browser"
+    assert panel._replace.value is False
+    assert done == [(f"Saved pose low in {file}.", "green")]
+    panel._name.value = " new "
+    panel._save()
+    assert panel._poses.options == ("low", "new")
+    panel._name.value, shown.where = "third", None
+    with pytest.raises(InvalidValueError, match="no state has been received"):
+        panel._save()
 
 
 # --- plots ---

@@ -75,7 +75,7 @@ def outcome_text(outcome: FileResult) -> str:
     return "\n".join(lines)
 
 
-def summary_text(outcomes: Sequence[FileResult], not_done: int = 0) -> str:
+def summary_text(outcomes: Sequence[FileResult], not_done: int) -> str:
     """Summarize the results, and the files that are not done."""
     counts = counted(outcome.result for outcome in outcomes)
     parts = [f"{n} {_plural(word, n)}" for word, n in counts.items() if n]
@@ -163,7 +163,7 @@ COLUMNS = (
 """Columns of the CSV."""
 
 
-def json_text(outcomes: Sequence[FileResult], not_done: int = 0) -> str:
+def json_text(outcomes: Sequence[FileResult], not_done: int) -> str:
     """Write results as JSON, with the number of files that are not done."""
     content = {
         "interrupted": not_done > 0,

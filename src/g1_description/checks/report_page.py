@@ -39,7 +39,7 @@ def write_page(
     path: Path,
     outcomes: Sequence[FileResult],
     pictures: Sequence[Path | None],
-    not_done: int = 0,
+    not_done: int,
 ) -> None:
     """Write a page.
 
@@ -83,7 +83,7 @@ def _overview(outcomes: Sequence[FileResult]) -> Iterator[str]:
         cells = [f'<a href="#file{number}">{escape(outcome.file)}</a>']
         cells.append(_badge(outcome.result))
         if outcome.verdict is None:
-            yield _row("td", [*cells, "", "", "", escape(outcome.problem)], False)
+            yield _row("td", [*cells, "", "", "", escape(outcome.problem)])
             continue
         findings = outcome.verdict.findings
         counts = counted(finding.severity for finding in findings)
@@ -91,7 +91,7 @@ def _overview(outcomes: Sequence[FileResult]) -> Iterator[str]:
         first = "" if time is None else f"{time:.3f} s"
         names = dict.fromkeys(f.check for f in findings if f.severity == "failed")
         cells += [str(counts["failed"]), str(counts["warning"]), first]
-        yield _row("td", [*cells, escape(", ".join(names))], False)
+        yield _row("td", [*cells, escape(", ".join(names))])
     yield "</table>\n"
 
 
@@ -123,7 +123,7 @@ def _verdict(verdict: Verdict) -> Iterator[str]:
         yield f"<table>\n{_row('th', HEAD)}"
         for finding in verdict.findings:
             severity, *cells = finding_row(finding)
-            yield _row("td", [_badge(severity), *map(escape, cells)], False)
+            yield _row("td", [_badge(severity), *map(escape, cells)])
         yield "</table>\n"
     for note in verdict.notes:
         yield f'<p class="about">{escape(note)}</p>\n'
@@ -136,7 +136,6 @@ def _badge(result: str) -> str:
     return f'<span class="result {result.split()[0]}">{result}</span>'
 
 
-def _row(tag: str, cells: Sequence[str], is_text: bool = True) -> str:
-    """Write a row of a table."""
-    written = [escape(cell) if is_text else cell for cell in cells]
-    return f"<tr>{''.join(f'<{tag}>{cell}</{tag}>' for cell in written)}</tr>\n"
+def _row(tag: str, cells: Sequence[str]) -> str:
+    """Write a row of a table, of cells in HTML."""
+    return f"<tr>{''.join(f'<{tag}>{cell}</{tag}>' for cell in cells)}</tr>\n"
