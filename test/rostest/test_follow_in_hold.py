@@ -2,7 +2,9 @@
 
 import unittest
 
+import rospy
 from control_msgs.msg import FollowJointTrajectoryResult as Result
+from std_srvs.srv import Empty
 from support.goals import Client, Joints, goal_of, tolerance
 from support.ros_testing import wait_for
 
@@ -14,6 +16,7 @@ NEAR = 0.05
 class TestFollowInHold(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
+        rospy.ServiceProxy("/gazebo/unpause_physics", Empty)()  # as it was launched
         cls.joints = Joints()
         cls.joints.next()  # the simulator is there
         cls.client = Client("/follow_joint_trajectory")

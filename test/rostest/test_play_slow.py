@@ -3,6 +3,7 @@
 import re
 import signal
 import subprocess
+import sys
 import tempfile
 import termios
 import unittest
@@ -22,7 +23,10 @@ class TestPlaySlow(unittest.TestCase):
         self.file = Path(folder.name) / "wave.csv"
         self.file.write_text("time,left_elbow_joint\n0,0\n60,1\n")
         self.bridge = subprocess.Popen(
-            [BRIDGE, "slow"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+            [sys.executable, BRIDGE, "slow"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
         )
         self.addCleanup(self.bridge.communicate, timeout=DEADLINE)
         self.addCleanup(self.bridge.kill)

@@ -1,4 +1,3 @@
-#!/usr/bin/env python3
 """A bridge that prints what it is asked, and answers when it is told to.
 
 Usage: slow_bridge.py NAMESPACE: serves NAMESPACE/play_motion, prints `play` or `stop`
