@@ -1,15 +1,21 @@
 """Fixed joints go, mass and shapes stay."""
 
+from dataclasses import fields, is_dataclass
+
 import numpy as np
 import pytest
+from checked import assert_as_kept
+from conftest import REPOSITORY
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from robots import BOX, MASS, chains, link, lump
 from scipy.spatial.transform import Rotation
 
 from g1_description.robot.assembly import rigid_frames
-from g1_description.robot.lumping import lump_fixed_joints
+from g1_description.robot.lumping import impossible_inertias, lump_fixed_joints
 from g1_description.robot.urdf import parse_urdf
+
+DATA = REPOSITORY / "test" / "data"
 
 
 def joint(name, kind, parent, child, inside=""):
@@ -188,3 +194,79 @@ def test_a_bodys_own_collisions_are_named_as_gazebo_names_them():
 
 def test_nothing_of_the_g1_is_left_out(g1):
     assert lump_fixed_joints(parse_urdf(g1)).left_out == ()
+
+
+# --- whole robots -------------------------------------------------------------------
+
+ODD = """<robot name="odd"><link name="a"><inertial><mass value="0"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="b"><inertial><origin xyz="1 2 3" rpy="0 0 1.5707963"/><mass value="2"/>
+<inertia ixx="1" iyy="2" izz="9" ixy="0" ixz="0" iyz="0"/></inertial>
+<visual name="v"><origin xyz="0 0 1"/><geometry><mesh filename="file:///m.stl"/>
+</geometry></visual>
+<visual><geometry><mesh filename="file:///n.stl" scale="2 -3 4"/></geometry></visual>
+<collision><geometry><cylinder radius="0.5" length="3"/></geometry></collision>
+<collision name="ball"><geometry><sphere radius="0.25"/></geometry></collision></link>
+<link name="c"><inertial><mass value="1"/>
+<inertia ixx="-1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="d"/><link name="e"/><link name="f"/>
+<joint name="ab" type="revolute"><origin xyz="1 0 0"/><parent link="a"/>
+<child link="b"/><axis xyz="0 0 2"/>
+<limit lower="-1" upper="2" effort="3" velocity="4"/>
+<dynamics damping="0.5" friction="0.25"/></joint>
+<joint name="bc" type="continuous"><parent link="b"/><child link="c"/></joint>
+<joint name="cd" type="prismatic"><parent link="c"/><child link="d"/>
+<axis xyz="0 1 0"/><limit upper="2" effort="3" velocity="4"/><dynamics/></joint>
+<joint name="de" type="fixed"><parent link="d"/><child link="e"/></joint>
+<joint name="ef" type="continuous"><parent link="e"/><child link="f"/></joint>
+</robot>"""
+
+BOX_IN = '<visual><geometry><box size="1 2 3"/></geometry><material name="{}</visual>'
+RED = BOX_IN.format('red"/>')
+OWN = BOX_IN.format('own"><color rgba="0 1 0 1"/></material>')
+FIXED = f"""<robot name="fixed">
+<material name="red"><color rgba="1 0 0 0.5"/></material>
+{link("a", MASS + RED)}{link("b", MASS + OWN)}
+{link("c", MASS)}{link("d", MASS)}{link("e", MASS)}
+<joint name="ab" type="fixed"><parent link="a"/><child link="b"/></joint>
+<joint name="bc" type="fixed"><parent link="b"/><child link="c"/></joint>
+<joint name="cd" type="fixed"><parent link="c"/><child link="d"/></joint>
+<joint name="de" type="revolute"><parent link="d"/><child link="e"/>
+<limit lower="-1e17" upper="1e17" effort="1" velocity="1"/>
+<safety_controller k_velocity="1"/></joint>
+<gazebo reference="bc"><preserveFixedJoint>true</preserveFixedJoint></gazebo>
+<gazebo reference="cd"><disableFixedJointLumping>true</disableFixedJointLumping></gazebo>
+<gazebo reference="b"><turnGravityOff>true</turnGravityOff></gazebo>
+<gazebo reference="e"><turnGravityOff>true</turnGravityOff><gravity>true</gravity></gazebo>
+</robot>"""
+FILES = "fixed_links", "free_bodies", "mimic_hand", "range_none", "world_root"
+
+
+def written(value):
+    """Write a robot as text: what is not as it is by default."""
+    if isinstance(value, np.ndarray):
+        return str((np.round(value, 4) + 0.0).tolist())
+    if isinstance(value, (tuple, list)):
+        return f"({', '.join(map(written, value))})"
+    if not is_dataclass(value):
+        return repr(value)
+    told = []
+    for place in fields(value):
+        part = getattr(value, place.name)
+        if isinstance(part, np.ndarray) or part != place.default:
+            told.append(f"{place.name}={written(part)}")
+    begin = "\n  " if type(value).__name__ in ("Link", "Joint") else ""
+    return f"{begin}{type(value).__name__}({', '.join(told)})"
+
+
+def test_robots_are_what_they_were(tmp_path):
+    lines = []
+    texts = {name: (DATA / f"{name}.urdf").read_text() for name in FILES}
+    for name, text in {**texts, "odd": ODD, "fixed": FIXED}.items():
+        description = parse_urdf(text)
+        lines.append(f"{name}: {written(description)}\n")
+        for is_dynamic in (True, False):
+            lumped = lump_fixed_joints(description, is_dynamic=is_dynamic)
+            lines.append(f"dynamic {is_dynamic}: {written(lumped)}\n")
+        lines += [f"{line}\n" for line in impossible_inertias(description.links)]
+    assert_as_kept("".join(lines), "robots.txt", tmp_path)
