@@ -1,6 +1,6 @@
 """Fixed joints go, mass and shapes stay."""
 
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from robots import BOX, MASS, chains, link, lump
 from scipy.spatial.transform import Rotation
 
-from g1_description.robot.assembly import rigid_frames
+from g1_description.robot.assembly import base_of, rigid_frames, root_in_base
 from g1_description.robot.lumping import impossible_inertias, lump_fixed_joints
 from g1_description.robot.urdf import parse_urdf
 
@@ -234,10 +234,10 @@ FIXED = f"""<robot name="fixed">
 <joint name="de" type="revolute"><parent link="d"/><child link="e"/>
 <limit lower="-1e17" upper="1e17" effort="1" velocity="1"/>
 <safety_controller k_velocity="1"/></joint>
-<gazebo reference="bc"><preserveFixedJoint>true</preserveFixedJoint></gazebo>
-<gazebo reference="cd"><disableFixedJointLumping>true</disableFixedJointLumping></gazebo>
-<gazebo reference="b"><turnGravityOff>true</turnGravityOff></gazebo>
-<gazebo reference="e"><turnGravityOff>true</turnGravityOff><gravity>true</gravity></gazebo>
+<gazebo reference="bc"><preserveFixedJoint>1</preserveFixedJoint></gazebo>
+<gazebo reference="cd"><disableFixedJointLumping>1</disableFixedJointLumping></gazebo>
+<gazebo reference="b"><turnGravityOff>1</turnGravityOff></gazebo>
+<gazebo reference="e"><turnGravityOff>1</turnGravityOff><gravity>1</gravity></gazebo>
 </robot>"""
 FILES = "fixed_links", "free_bodies", "mimic_hand", "range_none", "world_root"
 
@@ -270,3 +270,66 @@ def test_robots_are_what_they_were(tmp_path):
             lines.append(f"dynamic {is_dynamic}: {written(lumped)}\n")
         lines += [f"{line}\n" for line in impossible_inertias(description.links)]
     assert_as_kept("".join(lines), "robots.txt", tmp_path)
+
+
+def test_a_joint_begins_inside_its_limits():
+    limits = '<limit lower="{}" upper="{}" effort="1" velocity="1"/>'
+    ranges = {"low": (-3, -1), "high": (2, 3), "known": (1, 3), "wide": (0, 3)}
+    joints = [
+        joint(name, "revolute", "root", f"{name}_link", limits.format(*ends))
+        for name, ends in ranges.items()
+    ]
+    links = [link(name) for name in ("root", *(f"{name}_link" for name in ranges))]
+    found = replace(lump(*links, *joints), positions={"known": 2.0}, left_out=("x",))
+    inside = found.inside_limits()
+    assert inside.positions == {"known": 2.0, "low": -1.0, "high": 2.0}
+    assert inside.left_out == (
+        "x",
+        "0 is outside the limits of some joints, which begin at the nearest limit: "
+        "low at -1, high at 2",
+    )
+    assert inside.inside_limits() is inside
+
+
+def test_names_belong_to_the_innermost_nested_model():
+    parts = link("a"), link("b"), joint("ab", "continuous", "a", "b")
+    found = replace(lump(*parts), nested=("in", "in::most", "other"))
+    names = "in::most::x", "in::x", "in::most", "inner::x", "x", "other::y"
+    holders = ["in::most", "in", "in", "", "", "other"]
+    assert [*map(found.holder, names)] == holders
+    heavy = replace(found.description.links[0], inertial=None)
+    other = found.with_link(heavy)
+    assert other.description.links == (heavy, *found.description.links[1:])
+    assert other.nested == found.nested
+
+
+def test_the_base_is_the_root_or_what_floats_in_the_world():
+    place = '<origin xyz="1 2 3"/>'
+    for kind, base in (("floating", "b"), ("planar", "b"), ("fixed", "world")):
+        text = "".join(
+            [
+                '<robot name="r">',
+                *(
+                    link(name, "" if name == "world" else MASS)
+                    for name in ("world", "a", "b")
+                ),
+                joint("wa", "fixed", "world", "a"),
+                joint("wb", kind, "world", "b", place),
+                "</robot>",
+            ]
+        )
+        description = parse_urdf(text)
+        found, pose = base_of(description)
+        back = root_in_base(description)
+        assert found == base
+        wanted = [1, 2, 3] if base == "b" else [0, 0, 0]
+        assert pose[:3].tolist() == wanted
+        assert (back[:3] + wanted == 0.0).all()
+        lumped = lump_fixed_joints(description)
+        assert "world" not in lumped.link_names
+    single = parse_urdf(f'<robot name="r">{link("a")}</robot>')
+    assert base_of(single)[0] == "a"
+    assert root_in_base(single).tolist() == [0, 0, 0, 0, 0, 0, 1]
+    lumped = lump_fixed_joints(single)
+    assert lumped.link_names == ("a",)
+    assert lumped.root_pose.tolist() == [0, 0, 0, 0, 0, 0, 1]
