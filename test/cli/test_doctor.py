@@ -653,6 +653,10 @@ CHANGES = {
     "all of it in a namespace": of_left_alone,
     "a bag with less": lambda system: (of_bag(system), system.tf.pop(0)),
     "one link more": one_link_more,
+    "two bags": lambda system: (
+        of_bag(system),
+        system.publishers.update({"/joint_states": ["/bag", "/other"]}),
+    ),
     "TF without an arm": lambda system: system.tf.pop(0),
     "TF without a base": lambda system: system.tf.pop(1),
     "TF twice": lambda system: system.tf.append(

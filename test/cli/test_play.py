@@ -6,6 +6,8 @@ import pty
 import termios
 import threading
 import time
+from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
@@ -13,12 +15,17 @@ pytest.importorskip("rospy", reason="rospy is not installed")
 
 import numpy as np
 import rospy
+from checked import POST, post_motion, write_motions
 from g1_description.srv import PlayMotionResponse
 from waiting import wait_for
 
+from g1_description.cli import play
 from g1_description.cli.play import Keyboard, PlayOptions
 from g1_description.command_line import parse
+from g1_description.errors import InvalidValueError
+from g1_description.motion.files import table
 from g1_description.motion.trajectory import Trajectory
+from g1_description.robot.urdf import parse_urdf
 from g1_description.ros import playing as sessions
 from g1_description.ros.playing import MotionClient, Session
 
@@ -49,7 +56,7 @@ def keys(keyboard, count):
 
 
 def test_keys_that_come_together_are_read_one_by_one(ends, keyboard):
-    os.write(ends[0], b"\x1b[C\x1b[C\x1bOD q")
+    os.write(ends[0], b"\x1b[C\x1bOC\x1bOD q")
     assert keys(keyboard, 5) == ["right", "right", "left", "space", "q"]
     assert keyboard.next_key(SOON) == ""
 
@@ -279,3 +286,64 @@ def test_a_wrong_command_line_ends_with_a_sentence(words, told, capsys):
         parse(PlayOptions, "play", ["wave.csv", *words])
     message = end.value.code if isinstance(end.value.code, str) else ""
     assert told in message + capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("time", "frame", "speed", "running", "told"),
+    [
+        (1.0, 1, 1.0, True, "[{0}]   1.00 of 3.00 s  sample 1 of 9"),
+        (2.0, 5, 2.5, True, "[{1}]   2.00 of 3.00 s  sample 5 of 9  x 2.5"),
+        (3.0, 9, 1.0, False, "[{2}]   3.00 of 3.00 s  sample 9 of 9  paused"),
+    ],
+)
+def test_a_bar_tells_how_far_it_is(time, frame, speed, running, told):
+    session = SimpleNamespace(
+        begin=1.0,
+        end=3.0,
+        time=time,
+        frame=frame,
+        trajectory=SimpleNamespace(times=range(9)),
+        is_running=running,
+    )
+    bars = ["." * play.BAR, "#" * (play.BAR // 2) + "." * (play.BAR // 2)]
+    assert play.progress(session, speed) == told.format(*bars, "#" * play.BAR)
+    session.begin = 3.0  # a single sample
+    assert play.progress(session, 1.0).startswith(f"[{'#' * play.BAR}]")
+
+
+LIFT = np.array([0.0, 0.0, 0.25, 0.0, 0.0, 0.0, 0.0])
+
+
+def test_a_motion_is_cut_and_moved_as_requested(tmp_path, capsys, monkeypatch):
+    (file,) = write_motions(tmp_path, 0.5)
+    pose = np.array([1.0, 2.0, 0.5, 0.0, 0.0, 1.0, 0.0])
+    view = SimpleNamespace(
+        description=parse_urdf(POST), state=SimpleNamespace(base_pose=pose)
+    )
+
+    def prepared(*words):
+        return play.prepare(parse(PlayOptions, "play", [str(file), *words]), view)
+
+    plain = prepared("--from", "0.2", "--to", "0.6")
+    assert plain.times[[0, -1]].tolist() == pytest.approx([0.2, 0.6])
+    assert capsys.readouterr().out == ""
+    here = prepared("--start-here")
+    np.testing.assert_allclose(here.base_poses[0][:2], pose[:2], atol=1e-9)
+    np.testing.assert_allclose(np.abs(here.base_poses[0][5]), 1.0, atol=1e-9)
+    lifted = replace(post_motion(), base_poses=post_motion().base_poses + LIFT)
+    file.write_bytes(table.write(lifted, None, None)[0])
+    low = prepared("--on-floor")
+    assert low.base_poses[0][2] == pytest.approx(0.05)
+    told = capsys.readouterr().out
+    assert told == "play: moved the motion by -0.2500 m in height.\n"
+    file.write_bytes(
+        table.write(replace(post_motion(), base_poses=None), None, None)[0]
+    )
+    assert prepared().base_poses is None
+    for words in (["--start-here"], ["--on-floor"], ["--start-here", "--on-floor"]):
+        with pytest.raises(InvalidValueError) as refused:
+            prepared(*words)
+        assert str(refused.value) == (
+            f"{' and '.join(words)} needs a motion with a base, which motion0.csv "
+            "lacks."
+        )

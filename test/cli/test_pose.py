@@ -11,7 +11,7 @@ from forked import run_script
 
 pytest.importorskip("rospy", reason="rospy is not installed")
 
-from g1_description.cli.pose import PoseOptions, save
+from g1_description.cli.pose import PoseOptions, list_poses, save
 from g1_description.command_line import parse
 from g1_description.errors import PoseFileError
 
@@ -48,6 +48,17 @@ def test_a_wrong_command_line_ends_with_a_sentence(words, told, capsys):
 def test_a_pose_without_a_name_is_not_saved():
     with pytest.raises(PoseFileError, match="Invalid name of a pose: ''"):
         save(parse(PoseOptions, "pose", ["--save", ""]))
+
+
+def test_poses_are_listed_with_what_they_are_or_where(tmp_path, capsys):
+    file = tmp_path / "poses.yaml"
+    file.write_text("low:\n  knee: 1.0\nleft_up:\n  about: an arm\n  elbow: 1.0\n")
+    list_poses(parse(PoseOptions, "pose", ["--list", "--file", str(file)]))
+    lines = capsys.readouterr().out.splitlines()
+    width = max(len(line.split()[0]) for line in lines)
+    assert f"{'left_up':{width}}  an arm" in lines
+    assert f"{'low':{width}}  {file}" in lines
+    assert lines[0].startswith("zero ")
 
 
 def test_a_namespace_may_be_written_as_in_a_launch_file():

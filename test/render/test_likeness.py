@@ -5,7 +5,7 @@ import pytest
 from conftest import REPOSITORY, VENDOR
 
 from g1_description.files.uris import with_absolute_uris
-from g1_description.render.camera import Camera
+from g1_description.render.camera import Camera, crop_around
 from g1_description.render.picture import silhouette
 from g1_description.render.scene import NOTHING, Scene
 from g1_description.robot.transform import IDENTITY
@@ -46,3 +46,13 @@ def test_silhouettes_cover_each_other(scenes, view, positions):
     ours, vendors = (silhouette(s, camera, 450, 450) != NOTHING for s in scenes)
     assert vendors.sum() > 5_000
     assert (ours & vendors).sum() / (ours | vendors).sum() >= 0.93
+
+
+def test_the_whole_picture_may_show_what_is_behind_the_eye():
+    camera = Camera(np.array([1.0, 2.0, 3.0]), 0.5, 0.25, 2.0)
+    behind = camera.target + 1.5 * camera.range * camera.axes[2]
+    found = crop_around(np.array([camera.target, behind]), camera, 640, 480)
+    assert found == (slice(0, 480), slice(0, 640))
+    rows, columns = crop_around(camera.target[np.newaxis], camera, 640, 480)
+    assert rows.start < 240 < rows.stop and columns.start < 320 < columns.stop
+    assert max(rows.stop - rows.start, columns.stop - columns.start) <= 4

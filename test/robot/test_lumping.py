@@ -1,15 +1,21 @@
 """Fixed joints go, mass and shapes stay."""
 
+from dataclasses import fields, is_dataclass, replace
+
 import numpy as np
 import pytest
+from checked import assert_as_kept
+from conftest import REPOSITORY
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from robots import BOX, MASS, chains, link, lump
 from scipy.spatial.transform import Rotation
 
-from g1_description.robot.assembly import rigid_frames
-from g1_description.robot.lumping import lump_fixed_joints
+from g1_description.robot.assembly import base_of, rigid_frames, root_in_base
+from g1_description.robot.lumping import impossible_inertias, lump_fixed_joints
 from g1_description.robot.urdf import parse_urdf
+
+DATA = REPOSITORY / "test" / "data"
 
 
 def joint(name, kind, parent, child, inside=""):
@@ -188,3 +194,142 @@ def test_a_bodys_own_collisions_are_named_as_gazebo_names_them():
 
 def test_nothing_of_the_g1_is_left_out(g1):
     assert lump_fixed_joints(parse_urdf(g1)).left_out == ()
+
+
+# --- whole robots -------------------------------------------------------------------
+
+ODD = """<robot name="odd"><link name="a"><inertial><mass value="0"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="b"><inertial><origin xyz="1 2 3" rpy="0 0 1.5707963"/><mass value="2"/>
+<inertia ixx="1" iyy="2" izz="9" ixy="0" ixz="0" iyz="0"/></inertial>
+<visual name="v"><origin xyz="0 0 1"/><geometry><mesh filename="file:///m.stl"/>
+</geometry></visual>
+<visual><geometry><mesh filename="file:///n.stl" scale="2 -3 4"/></geometry></visual>
+<collision><geometry><cylinder radius="0.5" length="3"/></geometry></collision>
+<collision name="ball"><geometry><sphere radius="0.25"/></geometry></collision></link>
+<link name="c"><inertial><mass value="1"/>
+<inertia ixx="-1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="d"/><link name="e"/><link name="f"/>
+<joint name="ab" type="revolute"><origin xyz="1 0 0"/><parent link="a"/>
+<child link="b"/><axis xyz="0 0 2"/>
+<limit lower="-1" upper="2" effort="3" velocity="4"/>
+<dynamics damping="0.5" friction="0.25"/></joint>
+<joint name="bc" type="continuous"><parent link="b"/><child link="c"/></joint>
+<joint name="cd" type="prismatic"><parent link="c"/><child link="d"/>
+<axis xyz="0 1 0"/><limit upper="2" effort="3" velocity="4"/><dynamics/></joint>
+<joint name="de" type="fixed"><parent link="d"/><child link="e"/></joint>
+<joint name="ef" type="continuous"><parent link="e"/><child link="f"/></joint>
+</robot>"""
+
+BOX_IN = '<visual><geometry><box size="1 2 3"/></geometry><material name="{}</visual>'
+RED = BOX_IN.format('red"/>')
+OWN = BOX_IN.format('own"><color rgba="0 1 0 1"/></material>')
+FIXED = f"""<robot name="fixed">
+<material name="red"><color rgba="1 0 0 0.5"/></material>
+{link("a", MASS + RED)}{link("b", MASS + OWN)}
+{link("c", MASS)}{link("d", MASS)}{link("e", MASS)}
+<joint name="ab" type="fixed"><parent link="a"/><child link="b"/></joint>
+<joint name="bc" type="fixed"><parent link="b"/><child link="c"/></joint>
+<joint name="cd" type="fixed"><parent link="c"/><child link="d"/></joint>
+<joint name="de" type="revolute"><parent link="d"/><child link="e"/>
+<limit lower="-1e17" upper="1e17" effort="1" velocity="1"/>
+<safety_controller k_velocity="1"/></joint>
+<gazebo reference="bc"><preserveFixedJoint>1</preserveFixedJoint></gazebo>
+<gazebo reference="cd"><disableFixedJointLumping>1</disableFixedJointLumping></gazebo>
+<gazebo reference="b"><turnGravityOff>1</turnGravityOff></gazebo>
+<gazebo reference="e"><turnGravityOff>1</turnGravityOff><gravity>1</gravity></gazebo>
+</robot>"""
+FILES = "fixed_links", "free_bodies", "mimic_hand", "range_none", "world_root"
+
+
+def written(value):
+    """Write a robot as text: what is not as it is by default."""
+    if isinstance(value, np.ndarray):
+        return str((np.round(value, 4) + 0.0).tolist())
+    if isinstance(value, (tuple, list)):
+        return f"({', '.join(map(written, value))})"
+    if not is_dataclass(value):
+        return repr(value)
+    told = []
+    for place in fields(value):
+        part = getattr(value, place.name)
+        if isinstance(part, np.ndarray) or part != place.default:
+            told.append(f"{place.name}={written(part)}")
+    begin = "\n  " if type(value).__name__ in ("Link", "Joint") else ""
+    return f"{begin}{type(value).__name__}({', '.join(told)})"
+
+
+def test_robots_are_what_they_were(tmp_path):
+    lines = []
+    texts = {name: (DATA / f"{name}.urdf").read_text() for name in FILES}
+    for name, text in {**texts, "odd": ODD, "fixed": FIXED}.items():
+        description = parse_urdf(text)
+        lines.append(f"{name}: {written(description)}\n")
+        for is_dynamic in (True, False):
+            lumped = lump_fixed_joints(description, is_dynamic=is_dynamic)
+            lines.append(f"dynamic {is_dynamic}: {written(lumped)}\n")
+        lines += [f"{line}\n" for line in impossible_inertias(description.links)]
+    assert_as_kept("".join(lines), "robots.txt", tmp_path)
+
+
+def test_a_joint_begins_inside_its_limits():
+    limits = '<limit lower="{}" upper="{}" effort="1" velocity="1"/>'
+    ranges = {"low": (-3, -1), "high": (2, 3), "known": (1, 3), "wide": (0, 3)}
+    joints = [
+        joint(name, "revolute", "root", f"{name}_link", limits.format(*ends))
+        for name, ends in ranges.items()
+    ]
+    links = [link(name) for name in ("root", *(f"{name}_link" for name in ranges))]
+    found = replace(lump(*links, *joints), positions={"known": 2.0}, left_out=("x",))
+    inside = found.inside_limits()
+    assert inside.positions == {"known": 2.0, "low": -1.0, "high": 2.0}
+    assert inside.left_out == (
+        "x",
+        "0 is outside the limits of some joints, which begin at the nearest limit: "
+        "low at -1, high at 2",
+    )
+    assert inside.inside_limits() is inside
+
+
+def test_names_belong_to_the_innermost_nested_model():
+    parts = link("a"), link("b"), joint("ab", "continuous", "a", "b")
+    found = replace(lump(*parts), nested=("in", "in::most", "other"))
+    names = "in::most::x", "in::x", "in::most", "inner::x", "x", "other::y"
+    holders = ["in::most", "in", "in", "", "", "other"]
+    assert [*map(found.holder, names)] == holders
+    heavy = replace(found.description.links[0], inertial=None)
+    other = found.with_link(heavy)
+    assert other.description.links == (heavy, *found.description.links[1:])
+    assert other.nested == found.nested
+
+
+def test_the_base_is_the_root_or_what_floats_in_the_world():
+    place = '<origin xyz="1 2 3"/>'
+    for kind, base in (("floating", "b"), ("planar", "b"), ("fixed", "world")):
+        text = "".join(
+            [
+                '<robot name="r">',
+                *(
+                    link(name, "" if name == "world" else MASS)
+                    for name in ("world", "a", "b")
+                ),
+                joint("wa", "fixed", "world", "a"),
+                joint("wb", kind, "world", "b", place),
+                "</robot>",
+            ]
+        )
+        description = parse_urdf(text)
+        found, pose = base_of(description)
+        back = root_in_base(description)
+        assert found == base
+        wanted = [1, 2, 3] if base == "b" else [0, 0, 0]
+        assert pose[:3].tolist() == wanted
+        assert (back[:3] + wanted == 0.0).all()
+        lumped = lump_fixed_joints(description)
+        assert "world" not in lumped.link_names
+    single = parse_urdf(f'<robot name="r">{link("a")}</robot>')
+    assert base_of(single)[0] == "a"
+    assert root_in_base(single).tolist() == [0, 0, 0, 0, 0, 0, 1]
+    lumped = lump_fixed_joints(single)
+    assert lumped.link_names == ("a",)
+    assert lumped.root_pose.tolist() == [0, 0, 0, 0, 0, 0, 1]

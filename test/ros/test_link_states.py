@@ -9,7 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from g1_description.errors import WireFormatError
-from g1_description.ros.wire import LinkStatesDecoder, LinkStatesEncoder
+from g1_description.robot.state import RobotState
+from g1_description.ros.wire import (
+    JointStateEncoder,
+    LinkStatesDecoder,
+    LinkStatesEncoder,
+)
 
 NAMES = st.lists(st.text(max_size=12), max_size=6)
 SEEDS = st.integers(0, 2**32 - 1)
@@ -141,3 +146,22 @@ def test_garbage_raises_or_is_a_whole_message(data):
 def test_what_is_wrong_is_told(data, words):
     with pytest.raises(WireFormatError, match=words):
         LinkStatesDecoder().decode(data)
+
+
+def test_joint_states_are_counted_and_those_of_the_message_class():
+    sensor_msgs = pytest.importorskip("sensor_msgs.msg")
+    encoder, names = JointStateEncoder(), ("elbow", "schultergelenk_ä")
+    for number, joints in enumerate((names, names, ("elbow",), ()), 1):
+        stamp = 10**10 * number + 7
+        positions, velocities = np.arange(len(joints)) + 0.5, -np.arange(len(joints))
+        written, wanted = io.BytesIO(), io.BytesIO()
+        encoder.encode(RobotState(stamp, joints, positions, velocities)).serialize(
+            written
+        )
+        message = sensor_msgs.JointState(
+            name=joints, position=positions, velocity=velocities
+        )
+        message.header.seq = number
+        message.header.stamp.secs, message.header.stamp.nsecs = 10 * number, 7
+        message.serialize(wanted)
+        assert written.getvalue() == wanted.getvalue()

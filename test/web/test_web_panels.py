@@ -7,6 +7,7 @@ import math
 import shlex
 import sys
 import threading
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from xml.etree import ElementTree
@@ -217,6 +218,110 @@ def test_a_value_that_has_just_come_is_not_overwritten_by_an_old_state(
     wait_for(lambda: ui.do_all() or shown.commands, "what was wanted")
     assert shown.commands == [{"to_b": 1.25}]
     assert slider.value == 1.25
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """Give a clock of the controls, at 100 s, that stands still."""
+    clock = SimpleNamespace(now=100.0)
+    fake = SimpleNamespace(monotonic=lambda: clock.now)
+    monkeypatch.setattr(controls, "time", fake)
+    return clock
+
+
+def test_an_element_that_was_edited_is_held_for_a_while(clock):
+    guard, field = controls.EditGuard(0.7), SimpleNamespace(value=0.0)
+    guard.know(field)
+    assert not guard.is_held(field)
+    field.value = 1.0
+    assert guard.is_held(field)
+    clock.now += 0.69
+    assert guard.is_held(field)
+    clock.now += 0.02
+    assert not guard.is_held(field)
+    guard.hold(field)
+    assert guard.is_held(field)
+    guard.let_go()
+    assert not guard.is_held(field)
+
+
+def test_a_value_is_sent_if_it_differs_or_a_browser_has_another(clock):
+    sent = []
+
+    class Field:
+        def __setattr__(self, name, value):
+            sent.append(value)
+            self.__dict__[name] = value
+
+    guard, field = controls.EditGuard(0.7), Field()
+    field.value = 1.0
+    guard.show(field, 1.09, 0.1)
+    assert sent == [1.0]
+    guard.show(field, 1.25, 0.1)
+    assert sent == [1.0, 1.25]
+    assert not guard.is_held(field), "nobody has edited it"
+    guard.hold(field)
+    guard.show(field, 1.25)
+    assert sent == [1.0, 1.25, 2.25, 1.25]
+    guard.show(field, (1.0, 2.0))
+    assert sent[4:] == [(1.0, 2.0)]
+
+
+def test_the_base_goes_where_it_is_typed_or_dragged_to(server, ui, clock):
+    shown, commands = Shown(), []
+    shown.command_base = lambda pose: commands.append(pose.tolist())
+    panel = controls.BasePanel(server, ui, shown)
+    half = math.sqrt(0.5)
+    panel._place.value, panel._rpy.value = (1.0, 2.0, 3.0), (0.0, 0.0, math.pi / 2)
+    panel._typed()
+    np.testing.assert_allclose(commands.pop(), [1, 2, 3, 0, 0, half, half])
+    panel._gizmo.position, panel._gizmo.wxyz = (4.0, 5.0, 6.0), (0.0, 2.0, 0.0, 0.0)
+    panel._dragged()
+    np.testing.assert_allclose(commands.pop(), [4, 5, 6, 1, 0, 0, 0])
+    assert panel._place.value == (4.0, 5.0, 6.0)
+    np.testing.assert_allclose(np.abs(panel._rpy.value), [math.pi, 0, 0], atol=1e-4)
+    panel._gizmo.wxyz = (0.0, 0.09, 0.0, 0.0)
+    panel._dragged()
+    panel._place.value = (math.nan, 0.0, 0.0)
+    panel._typed()
+    panel._rpy.value = (0.0, 0.0)
+    panel._typed()
+    assert not commands
+
+
+def test_the_base_is_shown_where_it_is_unless_it_is_edited(server, ui, clock):
+    panel = controls.BasePanel(server, ui, Shown())
+    assert panel._gizmo.visible is panel.has_gizmo is False
+    half = math.sqrt(0.5)
+    pose = np.array([1.0, 2.0, 3.00001, 0.0, 0.0, half, half])
+    there = replace(state({"to_b": 0.0}), base_pose=pose)
+    beside = pose.copy()
+    beside[0] += 1.0
+    panel.follow(there)
+    assert panel._place.value == (1.0, 2.0, 3.0)
+    assert panel._rpy.value == (0.0, 0.0, 1.5708)
+    assert panel._gizmo.position.tolist() == [0.0, 0.0, 0.0]
+    panel._gizmo_on.value = True
+    panel._show_gizmo()
+    assert panel._gizmo.visible is panel.has_gizmo is True
+    other = replace(there, base_pose=beside)
+    clock.now += 0.09
+    panel.follow(other)
+    assert panel._place.value == (1.0, 2.0, 3.0)
+    clock.now += 0.02
+    panel.follow(other)
+    assert panel._place.value == (2.0, 2.0, 3.0)
+    np.testing.assert_allclose(panel._gizmo.position, beside[:3])
+    np.testing.assert_allclose(panel._gizmo.wxyz, [half, 0, 0, half])
+    panel._rpy.value = (0.5, 0.0, 0.0)
+    clock.now += 0.11
+    panel.follow(there)
+    assert panel._place.value == (2.0, 2.0, 3.0)
+    clock.now += 0.71
+    panel.follow(there)
+    assert panel._place.value == (1.0, 2.0, 3.0)
+    clock.now += 0.11
+    panel.follow(state({"to_b": 0.0}))
 
 
 # --- poses ---
@@ -433,6 +538,18 @@ def test_as_many_steps_are_done_as_were_wanted(stepped, client, ui):
     panel._looked = 0.0
     panel.follow()
     assert panel._pause.label == "Go on"
+
+
+def test_a_step_that_fails_is_the_last_one(server):
+    simulator = SimpleNamespace(is_paused=True, step=[].index, status=str)
+    waiting = []
+    ui = SimpleNamespace(on=lambda *_: None, wait_for=waiting.append)
+    panel = SimulatorPanel(server.gui, ui, simulator, read_only=False)
+    panel._steps.value = 1000
+    with pytest.raises(ValueError):
+        panel._step()
+    panel.follow()
+    assert (panel._pause.label, waiting) == ("Go on", [])
 
 
 # --- the configuration as text ---
