@@ -1,5 +1,6 @@
 """Run catkin's test targets, and the checks of style; print what came of each part."""
 
+import fcntl
 import fnmatch
 import os
 import re
@@ -53,6 +54,7 @@ FIRST = (
     *("web", "install", "repository", "rostest/bridge_commands"),
 )
 """Parts that begin first, as the end would wait for them."""
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 SLOWEST = 10
 """Cases that are named for the time they take."""
 
@@ -152,7 +154,7 @@ class Run:
         self.begin = time.monotonic()
         self._lock = threading.Lock()
         environment = marked_environment(self.mark)
-        for name in ("DISPLAY", "ROS_IP", "ROS_MASTER_URI"):
+        for name in ("DISPLAY", "PYTEST_ADDOPTS", "ROS_IP", "ROS_MASTER_URI"):
             environment.pop(name, None)
         environment.update(ROS_HOSTNAME="localhost", ROS_HOME=folder)
         environment["ROS_LOG_DIR"] = f"{folder}/log"
@@ -185,8 +187,6 @@ class Run:
         if self.is_over:
             return
         begin = time.monotonic()
-        for file in files_of(name) if name not in STYLE else ():
-            file.unlink(missing_ok=True)
         command = STYLE.get(name, ["make", "-C", BUILD, target_of(name)])
         code, text, processor = self.run_program(command)
         seconds = time.monotonic() - begin
@@ -217,6 +217,8 @@ class Run:
 
         One make per part, as a make of several of CMake's targets runs one at a time.
         """
+        for file in RESULTS.glob("*.xml"):  # of parts that are gone, too
+            file.unlink()
         if not {*names} <= {*STYLE}:
             code, text, _ = self.run_program(["make", "-C", BUILD])
             if code:
@@ -226,11 +228,13 @@ class Run:
                 for _ in pool.map(self.run_part, names):
                     pass
             except KeyboardInterrupt:
+                for number in SIGNALS:  # another one must not keep it from ending them
+                    signal.signal(number, signal.SIG_IGN)
                 self.end()
                 raise
         if self.is_over:
             self.total.failed.append(f"{LIMIT / 60:.0f} minutes were not enough")
-        wait_for_end(self.mark, 5.0)
+        wait_for_end(self.mark, 60.0)
         left = marked_processes(self.mark).values()
         self.total.failed += [f"left behind: {line}" for line in left]
 
@@ -288,10 +292,16 @@ def chosen(patterns):
 def main():
     """Run what was asked for."""
     is_quick = sys.argv[1:] == ["quick"]
-    names = chosen(QUICK if is_quick else sys.argv[1:])
+    quick = [name for name in QUICK if name in available()]
+    names = chosen(quick if is_quick else sys.argv[1:])
     # Also where SIGINT is ignored, as under nohup: so the programs here do not.
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in SIGNALS:
         signal.signal(number, signal.default_int_handler)
+    lock = open(BUILD / "tests.lock", "w")  # noqa: SIM115  (until the end)
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        sys.exit("tools/test: another one runs in this clone; wait for its end")
     with tempfile.TemporaryDirectory(prefix="g1_test_") as folder:
         run = Run(folder, is_quick)
         limit = threading.Timer(LIMIT, run.end)

@@ -146,6 +146,10 @@ class TestPhysics(unittest.TestCase):
             sample = Trajectory(np.arange(2.0), (ELBOW,), np.zeros((2, 1)))
             with self.assertRaisesRegex(RefusedError, f"motion was refused: {wanted}"):
                 MotionClient(play).play(sample)
+            pose = [program("pose"), "squat", "--seconds", "1"]
+            done = subprocess.run(pose, stderr=subprocess.PIPE, text=True)
+            self.assertEqual(done.returncode, 1)
+            self.assertIn(wanted, done.stderr)
 
     def test_5_it_squats_and_stands_again_on_its_motors(self):
         """It is not thrown, and the simulator tells how well the motors followed."""

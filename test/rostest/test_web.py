@@ -21,6 +21,8 @@ from support import browser
 from support.pictures import read_picture, share_changed
 from support.ros_testing import DEADLINE, Connected, position_of, wait_for
 
+from g1_description.cli import doctor
+
 from page_client import PageClient
 
 pytestmark = pytest.mark.skipif(bool(browser.missing()), reason=browser.missing())
@@ -190,8 +192,11 @@ def test_a_link_is_named_where_the_mouse_rests(page, zero):
     def is_named():
         page.raw.mouse.move(0, 0)  # or the name would not come twice
         page.raw.mouse.move(corner["x"] + column, corner["y"] + row)
-        page.raw.wait_for_timeout(500)
-        return light() > WHITE
+        try:
+            page.wait_for(lambda: light() > WHITE, "the name", 10.0)
+        except AssertionError:
+            return False
+        return True
 
     page.wait_for(is_named, "the name on white")
     page.wait_for(lambda: light() < WHITE, "no name any more")
@@ -322,3 +327,10 @@ def test_a_phone_shows_the_robot_and_moves_it(chromium, window, address, robot):
     view.wait_for()
     assert phone.problems == []
     phone.close()
+
+
+def test_the_doctor_takes_the_page_for_a_picture_of_the_robot(address):
+    names = doctor.LINKS[: doctor.LINKS.index("picture") + 1]
+    *_, picture = doctor.run_checks("", names)
+    assert (picture.name, picture.state) == ("picture", doctor.OK), picture
+    assert picture.remark == "/web"

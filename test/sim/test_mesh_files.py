@@ -386,8 +386,8 @@ def test_all_files_of_a_robot_are_read_by_one_process(tmp_path, counted, monkeyp
 def test_hostile_files_end_no_one_and_take_no_other_file_with_them(
     make_world, tmp_path, counted, monkeypatch
 ):
-    # On a busy machine, 1 s of the processor may last longer than the 20 s of a file.
-    monkeypatch.setattr(mesh_contents, "FILE_PROCESSOR_TIMEOUT", 1.0)
+    # On a busy machine, 2 s of the processor may last longer than the 20 s of a file.
+    monkeypatch.setattr(mesh_contents, "FILE_PROCESSOR_TIMEOUT", 2.0)
     monkeypatch.setattr(mesh_contents, "FILE_TIMEOUT", DEADLINE)
     monkeypatch.setattr(mesh_contents, "READ_TIMEOUT", 2 * DEADLINE)
     names = broken_meshes(tmp_path)
@@ -412,7 +412,7 @@ def test_hostile_files_end_no_one_and_take_no_other_file_with_them(
             assert "its reader exited" not in clause
     assert not [clause for clause in left_out if "good" in clause]
     (bomb,) = (clause for clause in left_out if "nodes.dae" in clause)
-    assert bomb.endswith("cannot be read: it took more than 1 s of processor time")
+    assert bomb.endswith("cannot be read: it took more than 2 s of processor time")
     with Scene() as scene:
         _, left_out = scene.add(parse_urdf(body(good[0], *names, good[1])))
         assert not [clause for clause in left_out if "good" in clause]
@@ -517,9 +517,9 @@ def test_a_death_of_the_reader_is_told_of_the_file_that_it_read(
 
 
 def test_a_file_that_takes_long_is_told_and_costs_no_other(waiting, monkeypatch):
-    monkeypatch.setattr(mesh_contents, "FILE_TIMEOUT", 5.0)
+    monkeypatch.setattr(mesh_contents, "FILE_TIMEOUT", 15.0)
     before, clause, after = read(*waiting)
-    assert clause.endswith("waiting.obj cannot be read: it took more than 5 s")
+    assert clause.endswith("waiting.obj cannot be read: it took more than 15 s")
     assert not isinstance(before, str)
     assert not isinstance(after, str)
 

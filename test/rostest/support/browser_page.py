@@ -145,10 +145,6 @@ class Page:
         """Find the first field to type in beside a label: a Playwright locator."""
         return self.element(label).locator("input, textarea").first
 
-    def type_into(self, label, value):
-        """Type into a field of text or numbers, and leave it."""
-        _type(self.field(label), value)
-
     def choose(self, label, option):
         """Choose from a list."""
         self.field(label).click()

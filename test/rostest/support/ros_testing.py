@@ -1,7 +1,5 @@
 """What the test nodes share: waiting with a deadline, and the newest message."""
 
-import math
-import os
 import signal
 import subprocess
 import sys
@@ -40,15 +38,6 @@ def position_of(message, joint):
 def is_at(message, joint, position):
     """Tell whether a joint is at a position, within what is promised: 1e-9."""
     return abs(position_of(message, joint) - position) < 1e-9
-
-
-def processor_time(pid):
-    """Give the processor time of a process and those it waited for in [s]."""
-    try:
-        fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
-    except OSError:
-        return math.inf
-    return sum(map(int, fields[11:15])) / os.sysconf("SC_CLK_TCK")
 
 
 def wait_slowly(condition, what):
@@ -178,11 +167,6 @@ class Launch:
         """Give the names of the programs that run as its nodes."""
         command = ["ps", "-o", "comm=", "--ppid", str(self._process.pid)]
         return subprocess.run(command, stdout=subprocess.PIPE).stdout.decode().split()
-
-    @property
-    def exit_code(self):
-        """None while it runs."""
-        return self._process.poll()
 
 
 def uri_of(node):
