@@ -1,6 +1,7 @@
 """RViz shows one robot, two robots and the robot of a bag, each where and how it is.
 
-Parameters: ~rviz: arguments of rviz.launch
+Parameters: ~model: URDF of the one robot
+    ~rviz: arguments of rviz.launch
     ~pictures: folder for the pictures; otherwise only a failure leaves one
 """
 
@@ -133,7 +134,8 @@ def check_colours(robot):
 
 def test_the_robot_is_seen_in_its_colours_and_its_arms_move(closing):
     log = closing(Listener("/rosout", Log))
-    closing(Launch("display.launch", "rviz:=false", "rate:=50"), "stop")
+    model = f"model:={rospy.get_param('~model')}"
+    closing(Launch("display.launch", "rviz:=false", "rate:=50", model), "stop")
     robot = Robot()
     robot.lift(OUT_OF_VIEW)
     arguments = rospy.get_param("~rviz", "").split()
