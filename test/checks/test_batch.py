@@ -107,6 +107,7 @@ def test_processes_that_are_ended_while_they_start_end_at_once(files):
     workers = Processes(FileChecker(Robot().checker()), 2)
     for task in tasks_of(files):
         workers.submit(task)
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
     ending = threading.Thread(target=workers.close, daemon=True)
     ending.start()
     ending.join(DEADLINE)
