@@ -114,7 +114,10 @@ def files_of(name):
     if name not in ROSTESTS:
         kind = "roslaunch-check_launch" if name == "launch" else f"pytest-{name}"
         return [RESULTS / f"{kind}.xml"]
-    tests = ElementTree.parse(ROSTESTS[name]).iter("test")
+    try:
+        tests = ElementTree.parse(ROSTESTS[name]).iter("test")
+    except ElementTree.ParseError:  # which rostest tells
+        tests = ()
     files = [RESULTS / f"rosunit-{test.get('test-name')}.xml" for test in tests]
     return [*files, RESULTS / f"rostest-test_rostest_{ROSTESTS[name].stem}.xml"]
 
@@ -294,9 +297,10 @@ def main():
     is_quick = sys.argv[1:] == ["quick"]
     quick = [name for name in QUICK if name in available()]
     names = chosen(quick if is_quick else sys.argv[1:])
-    # Also where SIGINT is ignored, as under nohup: so the programs here do not.
+    # Also where SIGINT is ignored, as in the background: so the programs here do not.
     for number in SIGNALS:
-        signal.signal(number, signal.default_int_handler)
+        if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, signal.default_int_handler)
     lock = open(BUILD / "tests.lock", "w")  # noqa: SIM115  (until the end)
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
