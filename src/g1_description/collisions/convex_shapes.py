@@ -28,7 +28,7 @@ class ConvexShape:
     points: np.ndarray
     """Vertices of a hull in the link frame, in [m], shape (n, 3)."""
 
-    radius: float = 0.0
+    radius: float
     """In [m]: the radius of a sphere, which has one point; else 0."""
 
 
