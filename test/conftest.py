@@ -59,6 +59,18 @@ def vendors_g1():
 
 
 @pytest.fixture
+def file(tmp_path):
+    """Give what writes a file and returns its path."""
+
+    def write(content, name="motion"):
+        path = tmp_path / name
+        path.write_bytes(content.encode() if isinstance(content, str) else content)
+        return path
+
+    return write
+
+
+@pytest.fixture
 def make_world():
     """Give what makes worlds, which end with the test."""
     from worlds import Bench

@@ -55,18 +55,6 @@ def clip(request):
     return path
 
 
-@pytest.fixture
-def file(tmp_path):
-    """Give what writes a file and returns its path."""
-
-    def write(content, name="motion"):
-        path = tmp_path / name
-        path.write_bytes(content.encode() if isinstance(content, str) else content)
-        return path
-
-    return write
-
-
 def test_the_joints_of_the_g1_are_those_of_its_files(g1):
     assert G1_JOINTS[29] == tuple(joint.name for joint in g1.movable_joints)
     assert len(G1_JOINTS[23]) == 23

@@ -78,18 +78,6 @@ def index():
     return json.loads((FOLDER / "index.json").read_text())["files"]
 
 
-@pytest.fixture
-def file(tmp_path):
-    """Give what writes a file and returns its path."""
-
-    def write(content, name="motion"):
-        path = tmp_path / name
-        path.write_bytes(content.encode() if isinstance(content, str) else content)
-        return path
-
-    return write
-
-
 def test_every_published_motion_is_tried(index):
     assert sorted(index) == sorted((*READ, *REFUSED))
 
