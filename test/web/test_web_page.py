@@ -22,7 +22,7 @@ from g1_description.motion.motion import Motion
 from g1_description.motion.trajectory import Trajectory
 from g1_description.robot.transform import IDENTITY, compose
 from g1_description.robot.urdf import parse_urdf
-from g1_description.web import check_thread
+from g1_description.web import check_thread, controls
 from g1_description.web.file_world import FileWorld, StillRobot
 from g1_description.web.scene.robot import RED, rgb
 from g1_description.web.scene.tree import pose_of
@@ -180,13 +180,19 @@ def test_a_slider_moves_the_robot_and_follows_whoever_moves_it(page):
     assert page.position() == 0.0
 
 
-def test_a_slider_that_was_late_to_hear_shows_the_robot_in_the_end(page):
+def test_a_slider_that_was_late_to_hear_shows_the_robot_in_the_end(page, monkeypatch):
+    monkeypatch.setattr(controls, "ROUND_TRIP", 1000.0)
     one = page.client()
+    page.robot.command({"left_elbow_joint": 1.4794})
+    page.robot.command_base(np.array([0.5, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]))
+    page.world.changed.set()
+    one.wait_for(lambda: one.value("left_elbow") == 1.4794, "the slider")
+    one.wait_for(lambda: one.value("x y z") == [0.5, 0.0, 1.0], "the fields")
     one.set("left_elbow", -0.5)
     one.set("x y z", [1.0, 0.0, 1.0])
     # What was on its way to the browser when the person moved them.
     one.element("left_elbow")["value"] = 1.4794
-    one.element("x y z")["value"] = [0.0, 0.0, 1.0]
+    one.element("x y z")["value"] = [0.5, 0.0, 1.0]
     one.wait_for(lambda: one.value("left_elbow") == -0.5, "the slider")
     one.wait_for(lambda: one.value("x y z") == [1.0, 0.0, 1.0], "the fields")
     for place in (0.7996, 0.8):  # on its way, and at its end

@@ -263,6 +263,11 @@ def test_a_value_is_sent_if_it_differs_or_a_browser_has_another(clock):
     guard.hold(field)
     guard.show(field, 1.25)
     assert sent == [1.0, 1.25, 2.25, 1.25]
+    guard.hold(field)
+    clock.now += 0.5
+    guard.hold(field)
+    guard.show(field, 1.25)
+    assert sent[4:] == [], "no update crossed the last edit; one would undo the next"
     guard.show(field, (1.0, 2.0))
     assert sent[4:] == [(1.0, 2.0)]
 

@@ -36,6 +36,10 @@ if TYPE_CHECKING:
     from viser import GuiApi, GuiSliderHandle, ViserServer
 
 
+ROUND_TRIP = 0.3
+"""Longest time in [s] in which an update and an edit may cross on their ways."""
+
+
 class EditGuard:
     """Keeps elements from being updated while a user edits them.
 
@@ -52,6 +56,8 @@ class EditGuard:
         self._seconds = seconds
         self._seen: dict[int, Any] = {}
         self._until: dict[int, float] = {}
+        self._shown: dict[int, float] = {}
+        self._crossed: set[int] = set()
 
     def know(self, handle: Any) -> None:
         """Record the current value of an element as set by the program."""
@@ -59,8 +65,12 @@ class EditGuard:
 
     def hold(self, handle: Any) -> None:
         """Keep an element from being updated for a while."""
-        self._seen[id(handle)] = handle.value
-        self._until[id(handle)] = time.monotonic() + self._seconds
+        key, now = id(handle), time.monotonic()
+        self._seen[key] = handle.value
+        self._until[key] = now + self._seconds
+        self._crossed.discard(key)
+        if now < self._shown.get(key, -math.inf) + ROUND_TRIP:
+            self._crossed.add(key)
 
     def is_held(self, handle: Any) -> bool:
         """Return whether an element was edited recently."""
@@ -73,22 +83,26 @@ class EditGuard:
         """Show a value, if it differs.
 
         A browser that sent a value may receive an older one afterwards, so an element
-        that was held is always updated.
+        that was edited just after an update is updated in any case. No other is, as
+        that would undo what is being typed.
 
         Args:
             handle: The element.
             value: A number, or some.
             tolerance: Smaller differences are ignored.
         """
-        was_held = self._until.pop(id(handle), None) is not None
+        key = id(handle)
+        self._until.pop(key, None)
+        is_crossed = key in self._crossed
+        self._crossed.discard(key)
         is_same = np.shape(handle.value) == np.shape(value) and (
             np.abs(np.subtract(handle.value, value)).max() <= tolerance
         )
-        if is_same and was_held:
+        if is_same and is_crossed:
             handle.value = np.add(value, 1.0)  # viser sends only changed values
-        if was_held or not is_same:
+        if is_crossed or not is_same:
             handle.value = value
-            self._seen[id(handle)] = handle.value
+            self._seen[key], self._shown[key] = handle.value, time.monotonic()
 
     def let_go(self) -> None:
         """Allow updates of all elements."""

@@ -229,7 +229,16 @@ class Slider:
 
     def type(self, value):
         """Type a value into its field, as one who pastes it."""
-        _type(self._field, value)
+        # In one go: viser takes each key for a value, and so -0 of -0.5 for 0. By hand,
+        # as `fill` is lost where the page has changed the field since; and again where
+        # it changes the field after the click, which marks the old text.
+        typed = ""
+        while typed != str(value):
+            self._field.click(click_count=3)
+            self._page.raw.keyboard.insert_text(str(value))
+            typed = self._field.input_value()
+        self._field.press("Enter")
+        self._field.blur()
 
     def type_keys(self, text, *keys):
         """Type a text over that of its field key by key, and press more keys."""
@@ -237,15 +246,6 @@ class Slider:
         self._page.raw.keyboard.type(text, delay=20)
         for key in keys:
             self._page.raw.keyboard.press(key)
-
-
-def _type(field, value):
-    # In one go: viser takes each key for a value, and so -0 of -0.5 for 0. By hand:
-    # `fill` is lost where the page has changed the field since.
-    field.click(click_count=3)
-    field.page.keyboard.insert_text(str(value))
-    field.press("Enter")
-    field.blur()
 
 
 def _exactly(text):
