@@ -5,6 +5,7 @@ import fnmatch
 import os
 import re
 import resource
+import shutil
 import signal
 import subprocess
 import sys
@@ -31,6 +32,8 @@ PLACE = Path(os.environ.get("G1_DESCRIPTION_PLACE", ROOT))
 BIN = PLACE / ".venv" / "bin"
 BUILD = PLACE / ".ws" / "build"
 RESULTS = BUILD / "test_results" / "g1_description"
+LOGS = BUILD / "test_logs"
+"""What the parts of the last run printed, and what their nodes logged."""
 PACKAGE = ROOT / ".ws" / "src" / "g1_description"
 LINTED = (PACKAGE, *sorted(PACKAGE.glob("interfaces/*")))
 """catkin_lint looks for no package inside a package."""
@@ -96,8 +99,8 @@ def read_results(file):
         faults = [*case.iter("failure"), *case.iter("error")]
         skip = case.find("skipped")
         if faults:
-            text = "\n".join(fault.text or fault.get("message", "") for fault in faults)
-            outcome.failed.append(f"{name}\n{text}")
+            texts = (f"{f.get('message')}\n{f.text or ''}" for f in faults)
+            outcome.failed.append("\n".join([name, *texts]))
         elif skip is not None:
             outcome.skipped.append(f"{name}: {skip.get('message')}")
         else:
@@ -160,17 +163,14 @@ class Run:
         for name in ("DISPLAY", "PYTEST_ADDOPTS", "ROS_IP", "ROS_MASTER_URI"):
             environment.pop(name, None)
         environment.update(ROS_HOSTNAME="localhost", ROS_HOME=folder)
-        environment["ROS_LOG_DIR"] = f"{folder}/log"
+        environment["ROS_LOG_DIR"] = str(LOGS / "ros")
         if is_quick:
             environment["PYTEST_ADDOPTS"] = "-m 'not slow'"
         self.environment = environment
 
-    def run_program(self, command):
-        """Run a program; give its exit code, its output and its processor time in [s].
-
-        The output also stays in a log, of which the last lines tell enough.
-        """
-        with tempfile.TemporaryFile("w+", errors="replace") as output:
+    def run_program(self, command, log):
+        """Run a program; give its exit code and its processor time in [s]."""
+        with log.open("w") as output:
             process = subprocess.Popen(
                 [str(word) for word in command],
                 cwd=ROOT,
@@ -182,8 +182,7 @@ class Run:
             )
             _, status, used = os.wait4(process.pid, 0)
             process.returncode = os.WEXITSTATUS(status) or os.WTERMSIG(status)
-            output.seek(0)
-            return process.returncode, output.read(), used.ru_utime + used.ru_stime
+            return process.returncode, used.ru_utime + used.ru_stime
 
     def run_part(self, name):
         """Run a part, print its line, and all that is known of its failures."""
@@ -191,28 +190,30 @@ class Run:
             return
         begin = time.monotonic()
         command = STYLE.get(name, ["make", "-C", BUILD, target_of(name)])
-        code, text, processor = self.run_program(command)
+        log = LOGS / f"{name.replace('/', '_')}.log"
+        code, processor = self.run_program(command, log)
         seconds = time.monotonic() - begin
         if self.is_over:
             return
         if name in STYLE:
-            outcome = Outcome(int(code == 0), [name] if code else [])
+            outcome = Outcome(int(code == 0))
+            if code:
+                outcome.failed = [f"{name}\n{log.read_text(errors='replace')}"]
             outcome.times = [(seconds, name)]
         else:
             outcome = results_of(name)
-            text = "\n".join(["The end of its output:", *text.splitlines()[-40:]])
             if code and not outcome.failed:
                 outcome.failed.append(f"make ended with {code}")
             if not outcome.passed + len(outcome.failed) + len(outcome.skipped):
                 outcome.failed.append("no test ran")
-        outcome.times = [(time, f"{name}: {case}") for time, case in outcome.times]
+            outcome.times = [(time, f"{name}: {case}") for time, case in outcome.times]
         word = "FAILED" if outcome.failed else "ok"
         spent = f"({seconds:.1f} s, {processor:.1f} s of processor)"
         with self._lock:
             self.total.add(outcome)
             print(f"{word:6} {name:24} {outcome} {spent}")
             if outcome.failed:
-                print(*outcome.failed, text, sep="\n")
+                print(*outcome.failed, f"Its output: {log}", sep="\n")
             sys.stdout.flush()
 
     def run(self, names):
@@ -222,9 +223,12 @@ class Run:
         """
         for file in RESULTS.glob("*.xml"):  # of parts that are gone, too
             file.unlink()
+        shutil.rmtree(LOGS, ignore_errors=True)
+        LOGS.mkdir()
         if not {*names} <= {*STYLE}:
-            code, text, _ = self.run_program(["make", "-C", BUILD])
-            if code:
+            log = LOGS / "build.log"
+            if self.run_program(["make", "-C", BUILD], log)[0]:
+                text = log.read_text(errors="replace")
                 sys.exit(f"{text}tools/test: the workspace cannot be built")
         with ThreadPoolExecutor(AT_A_TIME) as pool:
             try:
@@ -247,12 +251,14 @@ class Run:
         end_processes(self.mark)
 
     def tell_all(self):
-        """Print what took longest, what was skipped, and the count."""
+        """Print what took longest, what was skipped, what failed, and the count."""
         for seconds, name in sorted(self.total.times, reverse=True)[:SLOWEST]:
             print(f"{seconds:6.1f} s {name}")
         lines = [re.sub(r"\[[^]]*\]:", ":", line) for line in self.total.skipped]
         for line, count in Counter(lines).items():
             print(f"skipped {line}{f' ({count} cases)' if count > 1 else ''}")
+        for failure in self.total.failed:
+            print(f"FAILED {failure.splitlines()[0]}")
         minutes, seconds = divmod(round(time.monotonic() - self.begin), 60)
         used = resource.getrusage(resource.RUSAGE_CHILDREN)
         processor = used.ru_utime + used.ru_stime
@@ -283,9 +289,11 @@ def chosen(patterns):
         return names
     found = []
     for pattern in patterns:
-        fits = [n for n in names if fnmatch.fnmatch(n, pattern)]
-        fits += [n for n in names if n.startswith(f"{pattern}/")]
-        fits = fits or [n for n in names if fnmatch.fnmatch(n, f"rostest/{pattern}")]
+        # As a shell completes them, too: test/robot, test/rostest/display.test
+        name = re.sub(r"^test/(?=.)|/$|[.]test$", "", pattern)
+        fits = [n for n in names if fnmatch.fnmatch(n, name)]
+        fits += [n for n in names if n.startswith(f"{name}/")]
+        fits = fits or [n for n in names if fnmatch.fnmatch(n, f"rostest/{name}")]
         if not fits:
             sys.exit(f"tools/test: no part '{pattern}'; there are {' '.join(names)}")
         found += fits
@@ -314,7 +322,8 @@ def main():
         try:
             run.run(names)
         except KeyboardInterrupt:
-            sys.exit("tools/test: interrupted")
+            print("tools/test: interrupted", file=sys.stderr)
+            sys.exit(128 + signal.SIGINT)
         finally:
             run.end()
     sys.exit(run.tell_all())
