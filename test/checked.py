@@ -8,7 +8,7 @@ import numpy as np
 
 from g1_description.motion.files import table
 from g1_description.motion.files.formats import read_motion
-from g1_description.motion.trajectory import Trajectory
+from g1_description.motion.motion import Motion
 
 ARM = "arm_joint"
 
@@ -31,7 +31,7 @@ def post_motion(reach=0.5, seconds=1.0, rate=50.0):
     times = np.arange(int(seconds * rate) + 1) / rate
     arm = reach * np.sin(np.pi * times / seconds) ** 2
     base = np.tile([0.0, 0.0, 0.05, 0.0, 0.0, 0.0, 1.0], (len(times), 1))
-    return Trajectory(times, (ARM,), arm[:, np.newaxis], base_poses=base)
+    return Motion(times, (ARM,), arm[:, np.newaxis], base_poses=base)
 
 
 def write_motions(folder, *reaches):

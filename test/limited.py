@@ -24,7 +24,7 @@ def read(path, robot):
         motion = read_motion(path, robot)
     except MotionError as error:
         return str(error)
-    return f"{len(motion.trajectory.times)} samples"
+    return f"{len(motion.times)} samples"
 
 
 def main():

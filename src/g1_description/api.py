@@ -20,9 +20,8 @@ from g1_description.errors import (
     UnknownNameError,
 )
 from g1_description.motion.files.formats import read_motion, write_motion
-from g1_description.motion.motion import Motion, fitted
+from g1_description.motion.motion import UNIT_TOLERANCE, Motion, fitted
 from g1_description.motion.motors import g1_motors
-from g1_description.motion.trajectory import UNIT_TOLERANCE, Trajectory
 from g1_description.robot.assembly import WORLD, base_of, root_in_base
 from g1_description.robot.description import Joint
 from g1_description.robot.dynamics import (
@@ -309,7 +308,7 @@ class Robot:
     def write_motion(
         self,
         path: str | PathLike[str],
-        trajectory: Trajectory,
+        trajectory: Motion,
         rate: float | None = None,
     ) -> tuple[str, ...]:
         """Write a motion to a file.
@@ -334,7 +333,7 @@ class Robot:
         positions: JointValues,
         velocities: JointValues | None = None,
         base_poses: Any = None,
-    ) -> Trajectory:
+    ) -> Motion:
         """Make a motion of all joints.
 
         Args:
@@ -356,9 +355,9 @@ class Robot:
         )
         poses = None if base_poses is None else as_poses(base_poses)
         own_times = np.array(times, dtype=float)
-        return Trajectory(own_times, self.joint_names, placed, rates, poses)
+        return Motion(own_times, self.joint_names, placed, rates, poses)
 
-    def positions_of(self, trajectory: Trajectory) -> np.ndarray:
+    def positions_of(self, trajectory: Motion) -> np.ndarray:
         """Arrange the positions of a motion in the order of the robot's joints.
 
         Returns:
@@ -373,7 +372,7 @@ class Robot:
 
     def check(
         self,
-        motion: Motion | Trajectory | str | PathLike[str],
+        motion: Motion | str | PathLike[str],
         only: Collection[str] = (),
         thresholds: ThresholdValues = None,
         fixed_base: bool = False,
@@ -394,9 +393,7 @@ class Robot:
             G1DescriptionError: If the motion does not fit the robot, or a check or
                 threshold is unknown.
         """
-        if isinstance(motion, Trajectory):
-            motion = Motion(motion)
-        elif not isinstance(motion, Motion):
+        if not isinstance(motion, Motion):
             motion = self.read_motion(motion)
         motion = fitted(motion, self.description)
         checker = self.checker(thresholds, fixed_base)

@@ -20,7 +20,7 @@ from std_srvs.srv import Empty
 
 from g1_description.api import JointValues, as_array, as_poses, check_names
 from g1_description.errors import InvalidValueError
-from g1_description.motion.trajectory import Trajectory
+from g1_description.motion.motion import Motion
 from g1_description.robot.state import RobotState
 from g1_description.ros.connection import Connection
 from g1_description.ros.conversions import (
@@ -261,9 +261,9 @@ class Client:
             G1DescriptionError: If the request is invalid.
         """
         names, numbers = named_positions(positions, self.joint_names)
-        return self.follow(Trajectory(np.zeros(1), names, np.array([numbers])))
+        return self.follow(Motion(np.zeros(1), names, np.array([numbers])))
 
-    def follow(self, trajectory: Trajectory) -> str:
+    def follow(self, trajectory: Motion) -> str:
         """Start a motion now; it advances with the following steps.
 
         Args:
@@ -282,7 +282,7 @@ class Client:
         )
         return answer.status_message
 
-    def play(self, trajectory: Trajectory, every: int = 1) -> Trajectory:
+    def play(self, trajectory: Motion, every: int = 1) -> Motion:
         """Play a motion to its end.
 
         Args:
@@ -301,7 +301,7 @@ class Client:
         steps = math.ceil((trajectory.rest_time - 1e-9) / self.time_step)
         return self.record(max(steps, 1), every)
 
-    def record(self, n: int, every: int = 1) -> Trajectory:
+    def record(self, n: int, every: int = 1) -> Motion:
         """Advance simulated time, and record the states.
 
         Args:
@@ -320,7 +320,7 @@ class Client:
         while left:
             states.append(self.step(min(every, left)))
             left -= min(every, left)
-        return Trajectory(
+        return Motion(
             1e-9 * np.array([state.stamp - states[0].stamp for state in states]),
             self.joint_names,
             np.array([state.positions for state in states]),

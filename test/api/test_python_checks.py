@@ -11,7 +11,6 @@ from g1_description.errors import (
     ThresholdError,
     UnknownNameError,
 )
-from g1_description.motion.motion import Motion
 
 ROBOT = Robot()
 ELBOW = "left_elbow_joint"
@@ -46,7 +45,7 @@ def test_a_motion_is_judged_from_file_and_arrays(tmp_path):
 
 def test_a_checker_also_plays_motions_in_physics():
     times = np.linspace(0.0, 0.2, 11)
-    motion = Motion(ROBOT.trajectory(times, np.zeros((11, 29))))
+    motion = ROBOT.trajectory(times, np.zeros((11, 29)))
     checker = ROBOT.checker(
         {"position": {"failure": 1.0}}, fixed_base=True, physics=True
     )

@@ -350,13 +350,13 @@ def test_a_motion_is_read_as_it_was_written(tmp_path, ending):
     assert G1.write_motion(file, wave()) == ()
     motion = G1.read_motion(str(file))
     assert motion.notes == ()
-    assert (G1.positions_of(motion.trajectory) == G1.positions_of(wave())).all()
-    assert (motion.trajectory.base_poses == wave().base_poses).all()
-    assert np.abs(motion.trajectory.times - wave().times).max() < 1e-12
+    assert (G1.positions_of(motion) == G1.positions_of(wave())).all()
+    assert (motion.base_poses == wave().base_poses).all()
+    assert np.abs(motion.times - wave().times).max() < 1e-12
 
 
 def test_joints_that_a_motion_does_not_move_are_neutral():
-    motion = G1.read_motion(DATA / "elbow.csv", 10.0).trajectory
+    motion = G1.read_motion(DATA / "elbow.csv", 10.0)
     positions = G1.positions_of(motion)
     others = [
         row for row, n in enumerate(G1.joint_names) if n not in motion.joint_names

@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import threading
+from dataclasses import replace
 from pathlib import Path
 
 import distributed
@@ -35,7 +36,6 @@ from g1_description.errors import ClusterError
 from g1_description.files.model_files import find_folder
 from g1_description.files.uris import local_path
 from g1_description.motion.files.formats import read_motion
-from g1_description.motion.motion import Motion
 
 pytestmark = pytest.mark.slow
 
@@ -174,7 +174,7 @@ def test_a_cluster_finds_the_same_though_a_worker_dies_until_all_went(
     def read_here(path, robot, rate, topic):
         assert topic == "states"
         motion = read_motion(path, robot, rate)
-        return Motion(motion.trajectory, (*motion.notes, "read here"))
+        return replace(motion, notes=(*motion.notes, "read here"))
 
     bags = FileChecker(checker.checker, topic="states", reader=read_here)
     (bag,) = checked(Cluster(bags, cluster.scheduler_address), files[1:2])

@@ -19,7 +19,6 @@ from g1_description.errors import (
     ThresholdError,
 )
 from g1_description.motion.motion import Motion
-from g1_description.motion.trajectory import Trajectory
 from g1_description.robot.load import absolute_urdf
 from g1_description.robot.rotation import from_axis_angle, multiply
 from g1_description.robot.urdf import parse_urdf
@@ -56,12 +55,12 @@ def motion(positions, base=None, lift=True):
     """Put a motion onto the floor."""
     if base is None:
         base = np.tile([0.0, 0, 0, 0, 0, 0, 1], (len(TIMES), 1))
-    trajectory = Trajectory(TIMES, JOINTS, positions, base_poses=base)
+    trajectory = Motion(TIMES, JOINTS, positions, base_poses=base)
     if lift:
         base = base.copy()
         base[:, 2] -= lowest_height(ROBOT, trajectory)
         trajectory = replace(trajectory, base_poses=base)
-    return Motion(trajectory)
+    return trajectory
 
 
 def beyond_a_limit():
@@ -95,7 +94,7 @@ def arm_in_torso():
 
 def sunken(depth=0.02):
     found = motion(standing())
-    base = found.trajectory.base_poses.copy()
+    base = found.base_poses.copy()
     base[:, 2] -= depth
     return motion(standing(), base, lift=False)
 
@@ -108,7 +107,7 @@ def skating():
 
 def floating():
     found = motion(standing())
-    base = found.trajectory.base_poses.copy()
+    base = found.base_poses.copy()
     base[:, 2] += 0.05
     return motion(standing(), base, lift=False)
 
@@ -152,7 +151,7 @@ def outside(found):
     pinocchio = imported_pinocchio()
     model = floating_model(pinocchio)
     data = model.createData()
-    trajectory = found.trajectory
+    trajectory = found
     q = np.concatenate([trajectory.base_poses[0], trajectory.positions[0]])
     center = pinocchio.centerOfMass(model, data, q)
     pinocchio.updateFramePlacements(model, data)
@@ -228,11 +227,11 @@ def test_a_jump_in_the_air_is_no_floating():
     base = np.tile([0.0, 0, 0, 0, 0, 0, 1], (len(TIMES), 1))
     flight = np.clip(TIMES - 1.0, 0.0, 0.6)
     found = motion(standing(), base)
-    base = found.trajectory.base_poses.copy()
+    base = found.base_poses.copy()
     base[:, 2] += 9.81 / 2 * flight * (0.6 - flight)
     verdict = check(motion(standing(), base, lift=False), only=["floating"])
     assert verdict.findings == ()
-    base[:, 2] = found.trajectory.base_poses[:, 2] + 2.0 * flight * (0.6 - flight)
+    base[:, 2] = found.base_poses[:, 2] + 2.0 * flight * (0.6 - flight)
     verdict = check(motion(standing(), base, lift=False), only=["floating"])
     assert [finding.check for finding in verdict.findings] == ["floating"]
 
@@ -243,7 +242,7 @@ def test_the_time_between_samples_far_apart_is_checked():
     roll, yaw = column("left_shoulder_roll"), column("left_shoulder_yaw")
     ends[0, roll], ends[1, roll] = 0.4, -0.4
     ends[0, yaw], ends[1, yaw] = 0.3, -2.0
-    found = Motion(Trajectory(np.array([0.0, 2.0]), JOINTS, ends))
+    found = Motion(np.array([0.0, 2.0]), JOINTS, ends)
     verdict = check(found, only=["self_collision"])
     assert verdict.of("self_collision")
     assert any(0.0 < finding.first_time < 2.0 for finding in verdict.findings)
@@ -255,12 +254,12 @@ def test_a_foot_that_steps_does_not_skate():
     forward = share - np.sin(2 * np.pi * share) / (2 * np.pi)
     base = np.tile([0.0, 0, 0, 0, 0, 0, 1], (len(TIMES), 1))
     found = motion(standing(), base)
-    base = found.trajectory.base_poses.copy()
+    base = found.base_poses.copy()
     base[:, 0] = 0.3 * forward
     base[:, 2] += 0.025 * (1.0 - np.cos(2 * np.pi * share))
     stepping = motion(standing(), base, lift=False)
     assert check(stepping, only=["skating"]).findings == ()
-    base[:, 2] = found.trajectory.base_poses[:, 2]
+    base[:, 2] = found.base_poses[:, 2]
     sliding = check(motion(standing(), base, lift=False), only=["skating"])
     assert {finding.severity for finding in sliding.findings} == {"failed"}
     (first, *_) = sliding.findings
@@ -278,12 +277,12 @@ def test_a_jump_is_found_at_any_rate(make, rate):
     positions = np.zeros((len(times), len(JOINTS)))
     positions[:, column("left_shoulder_roll")] = 0.4
     positions[:, column("right_shoulder_roll")] = -0.4
-    base = np.tile(motion(standing()).trajectory.base_poses[0], (len(times), 1))
+    base = np.tile(motion(standing()).base_poses[0], (len(times), 1))
     if make is jumping:
         positions[times > 1.19, column("right_wrist_roll")] = 0.5
     else:
         base[times > 1.19, 1] = 0.3
-    found = Motion(Trajectory(times, JOINTS, positions, base_poses=base))
+    found = Motion(times, JOINTS, positions, base_poses=base)
     verdict = check(found)
     name = "jump" if make is jumping else "base_jump"
     assert {finding.check for finding in verdict.findings} == {name}
@@ -294,8 +293,8 @@ def test_missing_samples_are_no_jump():
     kept = ~np.isin(np.arange(len(TIMES)), [70, 71])
     positions = standing()
     positions[:, column("left_elbow")] = np.clip(5.0 * (TIMES - 1.0), 0.0, 1.5)
-    trajectory = Trajectory(TIMES[kept], JOINTS, positions[kept])
-    assert check(Motion(trajectory), only=["jump"]).findings == ()
+    trajectory = Motion(TIMES[kept], JOINTS, positions[kept])
+    assert check(trajectory, only=["jump"]).findings == ()
 
 
 @pytest.mark.parametrize(
@@ -306,7 +305,7 @@ def test_accelerations_are_those_of_a_sine_at_any_rate(rate, has_velocities):
     positions, velocities = np.zeros((2, len(times), 1))
     positions[:, 0], velocities[:, 0] = 0.5 * np.sin(2 * times), np.cos(2 * times)
     rates = velocities if has_velocities else None
-    found = Motion(Trajectory(times, ("left_elbow_joint",), positions, rates))
+    found = Motion(times, ("left_elbow_joint",), positions, rates)
     for name, size in (("acceleration", 2.0), ("jerk", 4.0)):
         for bound, failures in ((1.15 * size, 0), (0.85 * size, 1)):
             content = {f"{name}_bounds": {"default": bound}}
@@ -318,7 +317,7 @@ def test_accelerations_are_those_of_a_sine_at_any_rate(rate, has_velocities):
 @pytest.mark.parametrize("height", [0.004, 0.024])
 def test_a_robot_that_slides_low_above_the_floor_is_found(height):
     found = skating()
-    base = found.trajectory.base_poses.copy()
+    base = found.base_poses.copy()
     base[:, 2] += height
     verdict = check(motion(standing(), base, lift=False), only=["skating"])
     assert "skating" in {finding.check for finding in verdict.findings}
@@ -338,7 +337,7 @@ def test_which_corner_of_a_sole_is_the_lowest_does_not_matter():
 
 def test_a_moment_without_support_is_no_fall():
     """A foot that bears moves a little faster for a moment: it still bears."""
-    base = motion(standing()).trajectory.base_poses.copy()
+    base = motion(standing()).base_poses.copy()
     base[:, 2] += 0.012
     base[:, 0] += 0.02 * 0.12 * np.sin(2 * np.pi * TIMES / 0.12) / (2 * np.pi) * 6
     verdict = check(motion(standing(), base, lift=False))
@@ -358,7 +357,7 @@ def test_efforts_at_the_ends_of_a_motion_are_not_invented():
     """It may go on before and after."""
     positions = np.zeros((len(TIMES), len(JOINTS)))
     positions[:, column("left_hip_pitch")] = 0.8 * TIMES - 1.0
-    found = Motion(Trajectory(TIMES, JOINTS, positions))
+    found = Motion(TIMES, JOINTS, positions)
     checker = Checker(ROBOT, None, True, COLLISIONS)
     verdict = checker.check(found, ["effort"])
     assert verdict.findings == ()
@@ -403,13 +402,13 @@ def test_bounds_of_joints_that_are_not_there_are_refused():
 
 def test_a_motion_that_is_too_long_is_refused():
     times = np.array([0.0, 1e8])
-    found = Motion(Trajectory(times, JOINTS, np.zeros((2, len(JOINTS)))))
+    found = Motion(times, JOINTS, np.zeros((2, len(JOINTS))))
     with pytest.raises(MotionError, match="200000 is the limit"):
         check(found)
 
 
 def test_without_a_base_the_floor_is_not_judged():
-    found = Motion(Trajectory(TIMES, JOINTS, standing()))
+    found = Motion(TIMES, JOINTS, standing())
     verdict = check(found)
     assert verdict.passed
     assert verdict.skipped["penetration"] == "the motion has no base"
@@ -420,7 +419,7 @@ def test_efforts_of_a_held_robot_are_pinocchios():
     pinocchio = imported_pinocchio()
     positions = standing()
     positions[:, column("left_hip_roll")] = 1.2 * bump(0.2, 1.2)
-    found = Motion(Trajectory(TIMES, JOINTS, positions))
+    found = Motion(TIMES, JOINTS, positions)
     checker = Checker(ROBOT, None, True, COLLISIONS)
     verdict = checker.check(found, ["effort"])
     model = pinocchio.buildModelFromUrdf(str(MODEL))

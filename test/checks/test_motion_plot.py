@@ -17,7 +17,6 @@ from g1_description.checks.plot import motion_plot
 from g1_description.checks.plot_panels import COLORS, MAX_BINS, bars, in_limits, thinned
 from g1_description.checks.verdict import Finding, Verdict
 from g1_description.motion.motion import Motion
-from g1_description.motion.trajectory import Trajectory
 from g1_description.robot.urdf import parse_urdf
 
 ROBOT = parse_urdf(POST)
@@ -29,7 +28,7 @@ def checker():
 
 
 def drawn(checker, trajectory):
-    verdict = checker.check(Motion(trajectory))
+    verdict = checker.check(trajectory)
     joints = ROBOT.movable_joints
     return motion_plot("a.csv", verdict, joints)
 
@@ -57,8 +56,8 @@ def test_a_picture_shows_what_failed_and_is_the_same_again(checker):
 @pytest.mark.parametrize(
     "trajectory",
     [
-        Trajectory(np.zeros(1), ("arm_joint",), np.zeros((1, 1))),
-        Trajectory(np.arange(3.0), (), np.zeros((3, 0)), base_poses=np.eye(7)[[6] * 3]),
+        Motion(np.zeros(1), ("arm_joint",), np.zeros((1, 1))),
+        Motion(np.arange(3.0), (), np.zeros((3, 0)), base_poses=np.eye(7)[[6] * 3]),
     ],
     ids=["one sample without a base", "a base without joints"],
 )

@@ -9,7 +9,6 @@ from checked import ARM, POST, post_motion
 from g1_description.checks.checker import Checker
 from g1_description.checks.report import FileResult, outcome_text
 from g1_description.checks.thresholds import Level, Thresholds
-from g1_description.motion.motion import Motion
 from g1_description.robot.urdf import parse_urdf
 from g1_description.sim.rollout import Conditions, rollout
 
@@ -22,7 +21,7 @@ def judged(motion, levels=(), only=NAMES, fixed_base=False):
     conditions = Conditions(fixed_base=fixed_base, stops_at_fall=True)
     thresholds = Thresholds({**LEVELS, **dict(levels)})
     checker = Checker(ROBOT, thresholds, fixed_base, physics=conditions)
-    return checker.check(Motion(motion), only)
+    return checker.check(motion, only)
 
 
 def tilting(angle=1.2):

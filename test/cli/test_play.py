@@ -24,7 +24,7 @@ from g1_description.cli.play import Keyboard, PlayOptions
 from g1_description.command_line import parse
 from g1_description.errors import InvalidValueError
 from g1_description.motion.files import table
-from g1_description.motion.trajectory import Trajectory
+from g1_description.motion.motion import Motion
 from g1_description.robot.urdf import parse_urdf
 from g1_description.ros import playing as sessions
 from g1_description.ros.playing import MotionClient, Session
@@ -147,7 +147,7 @@ def robot():
 def session(robot):
     """Give a motion of two seconds."""
     times = np.array([0.0, 1.0, 2.0])
-    motion = Trajectory(times, ("knee",), times[:, None], None, None)
+    motion = Motion(times, ("knee",), times[:, None], None, None)
     return Session(robot, motion, 1.0, print)
 
 
@@ -229,7 +229,7 @@ def test_each_end_has_its_rest(robot, session, monkeypatch):
 def lead_in(robot, times, seconds):
     """Give a session of a motion at some times that is led in, from rest."""
     positions = np.arange(len(times), dtype=float)[:, None]
-    motion = Trajectory(np.array(times), ("knee",), positions, positions + 1.0, None)
+    motion = Motion(np.array(times), ("knee",), positions, positions + 1.0, None)
     return Session(robot, motion, 1.0, print, seconds)
 
 

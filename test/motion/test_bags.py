@@ -109,7 +109,7 @@ def test_a_bag_is_read_as_it_was_written(tmp_path, velocities, base):
     for begin in (1, 3 * SECOND + 7, 1_700_000_000 * SECOND):
         assert write_motion_file(tmp_path / "a.bag", wanted, G1, None, begin) == ()
         motion = read_motion(tmp_path / "a.bag", G1)
-        assert_same(motion.trajectory, wanted)
+        assert_same(motion, wanted)
         assert "Joints from /joint_states" in motion.notes[0]
         assert ("/tf (map to base_link)" in motion.notes[0]) == base
 
@@ -123,7 +123,7 @@ def test_as_many_samples_as_are_promised_are_read_again(tmp_path, monkeypatch, b
     count = room_of(path, names, base).samples
     wanted = trajectory(4, count, 29, np.arange(count) / 64, base=base)
     write_motion_file(path, wanted, G1)
-    assert_same(read_motion(path, G1).trajectory, wanted)
+    assert_same(read_motion(path, G1), wanted)
     many = trajectory(4, 1001, 29, np.arange(1001) / 64, base=base)
     write_motion_file(path, many, G1)
     with pytest.raises(MotionError, match="more than 1000 messages"):
@@ -151,7 +151,7 @@ def test_compressed_bags_of_many_chunks_are_read(bag, compression):
     ]
     others = [("/noise", String("x" * 1000), n + 1) for n in range(300)]
     path = bag(*messages, *others, compression=compression, chunk_threshold=5000)
-    motion = read_motion(path, G1).trajectory
+    motion = read_motion(path, G1)
     assert motion.positions[:, 0].tolist() == [*range(300)]
     np.testing.assert_allclose(motion.times, np.arange(300) / 100, atol=1e-9)
 
@@ -163,7 +163,7 @@ def test_the_base_is_interpolated_between_its_stamps(bag):
         for n in (0, 2)
     ]
     motion = read_motion(bag(*states, *base), G1)
-    assert motion.trajectory.base_poses[:, 0].tolist() == [0.0, 1.0, 2.0, 2.0]
+    assert motion.base_poses[:, 0].tolist() == [0.0, 1.0, 2.0, 2.0]
     assert "/tf (odom to base_link)" in motion.notes[0]
 
 
@@ -175,7 +175,7 @@ def test_a_base_in_the_map_counts_before_one_in_the_odometry(bag):
     ]
     for messages, wanted in ((both, 3.0), (both[::2], 4.0)):
         motion = read_motion(bag(*messages), G1)
-        assert motion.trajectory.base_poses[0, 0] == wanted
+        assert motion.base_poses[0, 0] == wanted
     assert "base from /odom" in motion.notes[0]
 
 
@@ -186,7 +186,7 @@ def test_a_root_beside_base_link_is_placed(bag):
         ("/tf", TFMessage([edge(1, 3.0)]), 1),
         ("/tf_static", TFMessage([lifted]), 1),
     )
-    assert read_motion(path, G1).trajectory.base_poses[0, 0] == 3.5
+    assert read_motion(path, G1).base_poses[0, 0] == 3.5
 
 
 def test_commands_that_name_some_joints_leave_the_others(bag):
@@ -195,7 +195,7 @@ def test_commands_that_name_some_joints_leave_the_others(bag):
         ("/joint_commands", state(2, left_elbow=2.0), 2),
         ("/joint_commands", state(3, left_knee=3.0, left_elbow=float("nan")), 3),
     )
-    motion = read_motion(path, G1).trajectory
+    motion = read_motion(path, G1)
     assert motion.joint_names == (KNEE, ELBOW)
     assert motion.positions.tolist() == [[1.0, 2.0], [1.0, 2.0], [3.0, 2.0]]
     assert motion.velocities is None
@@ -226,7 +226,7 @@ def test_trajectories_are_read(bag):
         ("/motion", RobotTrajectory(joints, MultiDOFJointTrajectory()), None),
     ):
         motion = read_motion(bag((topic, message, 1), (topic, message, 2)), G1)
-        found = motion.trajectory
+        found = motion
         assert found.times.tolist() == [0.5, 1.5]
         assert found.positions.tolist() == [[0.0], [2.0]]
         assert found.velocities.tolist() == [[1.0], [3.0]]
@@ -241,7 +241,7 @@ def test_configurations_that_are_streamed_are_samples(bag):
         return RobotTrajectory(joints, base)
 
     path = bag(*[("/motion", message(float(n)), 5 + n) for n in range(3)])
-    found = read_motion(path, G1).trajectory
+    found = read_motion(path, G1)
     assert found.times.tolist() == [0.0, 1.0, 2.0]
     assert found.positions.tolist() == [[0.0], [2.0], [4.0]]
     assert found.base_poses[:, 0].tolist() == [0.0, 1.0, 2.0]
@@ -260,14 +260,14 @@ def test_the_topic_is_the_usual_one_or_named(bag):
     states = ("/joint_states", state(1, left_knee=1.0), 1)
     commands = ("/joint_commands", state(1, left_knee=2.0), 1)
     motion = read_motion(bag(states, commands), G1)
-    assert motion.trajectory.positions.tolist() == [[1.0]]
+    assert motion.positions.tolist() == [[1.0]]
     assert "It also has joints on /joint_commands." in motion.notes[0]
     motion = read_motion(bag(states, commands), G1, topic="joint_commands")
-    assert motion.trajectory.positions.tolist() == [[2.0]]
+    assert motion.positions.tolist() == [[2.0]]
     left = ("/left/joint_states", state(1, left_knee=3.0), 1)
     base = ("/tf", TFMessage([edge(1, 1.0), edge(1, 2.0, child="left/base_link")]), 1)
     motion = read_motion(bag(left, base), G1)
-    assert motion.trajectory.base_poses[0, 0] == 2.0
+    assert motion.base_poses[0, 0] == 2.0
     right = ("/right/joint_states", state(1, left_knee=4.0), 1)
     for messages, topic, words in (
         ((left, right), None, "several robots, /left/joint_states, /right/joint_st"),
@@ -292,7 +292,7 @@ def test_stamps_that_are_missing_equal_or_go_back_are_dealt_with(bag):
             for n, s in enumerate(seconds)
         ]
         motion = read_motion(bag(*messages), G1)
-        found = motion.trajectory
+        found = motion
         return found.times.tolist(), found.positions[:, 0].tolist(), motion.notes
 
     assert read(0, 0, 0)[:2] == ([0.0, 1.0, 2.0], [0.0, 1.0, 2.0])
@@ -312,7 +312,7 @@ def test_the_run_before_a_reset_is_read_where_recorded_times_go_back(bag, option
         for n in range(count)
     ]
     motion = read_motion(bag(*runs, **options), G1)
-    assert motion.trajectory.positions[:, 0].tolist() == [0.1] * 30
+    assert motion.positions[:, 0].tolist() == [0.1] * 30
     assert "Time goes back after 0.290 s" in motion.notes[1]
 
 
@@ -390,4 +390,4 @@ def test_definitions_in_a_bag_are_not_run(bag, tmp_path):
     content = path.read_bytes()
     definition = JointState._full_text.encode()
     path.write_bytes(content.replace(definition, b"?" * len(definition)))
-    assert read_motion(path, G1).trajectory.positions.tolist() == [[1.0]]
+    assert read_motion(path, G1).positions.tolist() == [[1.0]]

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from g1_description.errors import InvalidValueError
+from g1_description.motion.motion import Motion
 from g1_description.motion.playlist import Following, Outcome, remaining
 from g1_description.motion.tolerances import (
     Constraints,
@@ -17,7 +18,6 @@ from g1_description.motion.tolerances import (
     tolerances_of_goal,
     worst_violation,
 )
-from g1_description.motion.trajectory import Trajectory
 
 NAMES = ("knee", "elbow")
 SECOND = 1_000_000_000
@@ -133,7 +133,7 @@ def test_other_constraints_are_refused(found, words):
 
 def motion(times=(1.0, 2.0, 3.0), velocities=None):
     positions = np.arange(2.0 * len(times)).reshape(-1, 2)
-    return Trajectory(np.array(times), NAMES, positions, velocities)
+    return Motion(np.array(times), NAMES, positions, velocities)
 
 
 def following(tolerances=FREE, continuous=(False, False), trajectory=None):

@@ -16,13 +16,13 @@ from g1_description.motion.edit import (
     moved,
     to_start_at,
 )
-from g1_description.motion.trajectory import Trajectory, sample
+from g1_description.motion.motion import Motion, sample
 
 
 def motion(seed=0, velocities=True):
     random = np.random.RandomState(seed)
     quaternions = Rotation.from_quat(random.normal(size=(8, 4))).as_quat()
-    return Trajectory(
+    return Motion(
         np.cumsum(random.uniform(0.05, 0.4, 8)),
         ("knee", "elbow"),
         random.normal(size=(8, 2)),

@@ -16,7 +16,7 @@ from conftest import REPOSITORY, VENDOR
 from g1_description.errors import MotionError
 from g1_description.motion.files.conventions import G1_JOINTS
 from g1_description.motion.files.formats import read_motion
-from g1_description.motion.trajectory import sample
+from g1_description.motion.motion import sample
 from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.load import read_model
 
@@ -65,19 +65,19 @@ def test_a_clip_is_the_same_as_text_and_as_arrays(clip, revision):
     text = read_motion(clip.with_suffix(".csv"), revision, 60.0)
     arrays = read_motion(clip.with_suffix(".npz"), revision)
     assert (text.notes, arrays.notes) == ((), ())
-    n_samples = len(arrays.trajectory.times)
-    assert len(text.trajectory.times) == n_samples + 1
+    n_samples = len(arrays.times)
+    assert len(text.times) == n_samples + 1
     for name, most in (("times", 1e-9), ("positions", 3e-5), ("base_poses", 1e-3)):
-        one, other = (getattr(m.trajectory, name) for m in (text, arrays))
+        one, other = (getattr(m, name) for m in (text, arrays))
         np.testing.assert_allclose(one[:n_samples], other, atol=most)
     rows = np.loadtxt(clip.with_suffix(".csv"), delimiter=",")
-    np.testing.assert_array_equal(text.trajectory.positions, rows[:, 7:])
-    assert arrays.trajectory.velocities is not None
+    np.testing.assert_array_equal(text.positions, rows[:, 7:])
+    assert arrays.velocities is not None
 
 
 def test_bodies_of_a_clip_are_where_another_program_computed_them(clip, revision):
     arrays = np.load(clip.with_suffix(".npz"))
-    motion = read_motion(clip.with_suffix(".npz"), revision).trajectory
+    motion = read_motion(clip.with_suffix(".npz"), revision)
     kinematics = Kinematics(revision)
     child = {joint.name: joint.child for joint in revision.joints}
     links = [revision.root, *(child[name] for name in motion.joint_names)]
@@ -114,11 +114,9 @@ def test_the_order_of_isaac_lab_is_told_from_the_bodies(clip, revision, file):
         arrays[name] = arrays[name][:, bodies]
     motion = read_motion(file(npz(**arrays)), revision)
     assert motion.notes == ("Joint order: Isaac Lab.",)
-    wanted = read_motion(clip.with_suffix(".npz"), revision).trajectory
-    column = [motion.trajectory.joint_names.index(name) for name in names]
-    np.testing.assert_array_equal(
-        motion.trajectory.positions[:, column], wanted.positions
-    )
+    wanted = read_motion(clip.with_suffix(".npz"), revision)
+    column = [motion.joint_names.index(name) for name in names]
+    np.testing.assert_array_equal(motion.positions[:, column], wanted.positions)
 
 
 def gmr(n_joints=29):
@@ -143,7 +141,7 @@ def test_what_gmr_writes_is_read(g1, file, protocol, kind):
         content["fps"] = np.float64(50.0) if kind == "ordered" else 50
         container = collections.OrderedDict if kind == "ordered" else dict
         content = pickle.dumps(container(content), protocol)
-    motion = read_motion(file(content), g1).trajectory
+    motion = read_motion(file(content), g1)
     assert motion.times.tolist() == [0.0, 0.02, 0.04]
     np.testing.assert_array_equal(motion.positions, gmr()["dof_pos"])
     np.testing.assert_allclose(motion.base_poses[0], [0, 0, 0.8, 0, 0, 0.6, 0.8])
@@ -156,7 +154,7 @@ def test_fortran_order_and_the_other_order_of_bytes_are_read(g1, file):
         pickle.dumps(content),
         npz(**{name: a for name, a in content.items() if a is not None}),
     ):
-        motion = read_motion(file(data), g1).trajectory
+        motion = read_motion(file(data), g1)
         np.testing.assert_array_equal(motion.positions, gmr()["dof_pos"])
 
 
@@ -164,7 +162,7 @@ def test_joints_that_do_not_fit_are_named(g1, file):
     text = "time,left_elbow_joint,left_wing_joint\n0.0,0.5,0.7\n"
     motion = read_motion(file(text), g1)
     assert "are ignored: left_wing_joint" in motion.notes[0]
-    assert motion.trajectory.positions.tolist() == [[0.5]]
+    assert motion.positions.tolist() == [[0.5]]
 
 
 def test_a_table_with_a_header_is_read_to_the_last_bit(g1, file):
@@ -185,7 +183,7 @@ def test_a_table_with_a_header_is_read_to_the_last_bit(g1, file):
 def test_without_times_thirty_hertz_are_assumed_and_told(g1, file):
     row = ",".join(["0", "0", "0.8", "0", "0", "0", "1", *["0.1"] * 29])
     motion = read_motion(file(f"{row}\n{row}\n"), g1)
-    assert motion.trajectory.times.tolist() == [0.0, 1 / 30]
+    assert motion.times.tolist() == [0.0, 1 / 30]
     assert "assuming 30 Hz" in motion.notes[0]
     assert read_motion(file(f"{row}\n{row}\n"), g1, 50.0).notes == ()
 
@@ -197,9 +195,9 @@ def test_the_header_that_numpy_writes_names_the_columns(g1, file):
     np.savetxt(stream, rows, delimiter=",", header="two elbows\n" + ",".join(names))
     motion = read_motion(file(stream.getvalue()), g1)
     assert motion.has_times
-    assert motion.trajectory.joint_names == tuple(names[1:])
-    np.testing.assert_array_equal(motion.trajectory.times, rows[:, 0])
-    np.testing.assert_array_equal(motion.trajectory.positions, rows[:, 1:])
+    assert motion.joint_names == tuple(names[1:])
+    np.testing.assert_array_equal(motion.times, rows[:, 0])
+    np.testing.assert_array_equal(motion.positions, rows[:, 1:])
 
 
 def test_a_header_that_numpy_writes_counts_for_a_table_of_36_columns(g1, file):
@@ -245,13 +243,13 @@ points:\x20
 
 
 def test_what_rostopic_echo_prints_is_read(g1, file):
-    motion = read_motion(file(ECHO), g1).trajectory
+    motion = read_motion(file(ECHO), g1)
     assert motion.times.tolist() == [0.5, 2.0]
     assert motion.joint_names == ("left_elbow_joint", "right_elbow_joint")
     assert motion.positions.tolist() == [[0.0, 0.5], [1.0, 0.25]]
     assert (motion.velocities, motion.base_poses) == (None, None)
     text = ECHO.replace("velocities: []", "velocities: [0.5, 1.5]")
-    motion = read_motion(file(text), g1).trajectory
+    motion = read_motion(file(text), g1)
     assert motion.velocities.tolist() == [[0.5, 1.5]] * 2
 
 
@@ -259,10 +257,10 @@ def test_what_rostopic_echo_prints_is_read(g1, file):
     "content", ["time,left_elbow_joint\n0,0\n", pickle.dumps(gmr()), ECHO]
 )
 def test_a_rate_for_a_file_with_times_is_told_to_be_ignored(g1, file, content):
-    times = read_motion(file(content), g1).trajectory.times
+    times = read_motion(file(content), g1).times
     motion = read_motion(file(content), g1, 25.0)
     assert "its own times: the rate of 25 Hz is ignored" in motion.notes[0]
-    np.testing.assert_array_equal(motion.trajectory.times, times)
+    np.testing.assert_array_equal(motion.times, times)
 
 
 class Hostile:

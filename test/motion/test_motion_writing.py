@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from g1_description.errors import InvalidValueError, MotionError
 from g1_description.motion.files import beyond_mimic, table
 from g1_description.motion.files.formats import most_samples, read_motion, write_motion
-from g1_description.motion.trajectory import Trajectory, sample
+from g1_description.motion.motion import Motion, sample
 from g1_description.robot.load import read_model
 from g1_description.robot.rotation import normalized
 
@@ -42,7 +42,7 @@ def trajectory(seed, n_samples, n_joints, times=None, velocities=True, base=True
         times = np.cumsum(random.uniform(1e-9, 1.0, n_samples)) - 0.5
     poses = random.normal(size=(n_samples, 7)) * 10.0 ** random.integers(-9, 3)
     poses[:, 3:] = normalized(random.normal(size=(n_samples, 4)))
-    return Trajectory(
+    return Motion(
         times,
         tuple(random.permutation(NAMES)[:n_joints].tolist()),
         random.normal(size=shape),
@@ -62,7 +62,7 @@ def test_a_table_is_read_as_it_was_written(tmp_path_factory, seed, n, m, speed, 
     path = tmp_path_factory.mktemp("table") / "motion.csv"
     wanted = trajectory(seed, n, m, velocities=speed, base=base)
     assert write_motion(path, wanted, G1) == ()
-    assert_same(read_motion(path, G1).trajectory, wanted)
+    assert_same(read_motion(path, G1), wanted)
 
 
 @given(
@@ -76,7 +76,7 @@ def test_an_npz_is_read_as_it_was_written(tmp_path_factory, seed, n, m, speed, r
     path = tmp_path_factory.mktemp("arrays") / "motion.npz"
     wanted = trajectory(seed, n, m, np.arange(n) / rate, velocities=speed)
     assert write_motion(path, wanted, G1, rate) == ()
-    assert_same(read_motion(path, G1).trajectory, wanted)
+    assert_same(read_motion(path, G1), wanted)
 
 
 def test_a_rate_is_found_in_stamps_of_nanoseconds(tmp_path):
@@ -92,7 +92,7 @@ def test_times_that_are_not_even_are_made_even_and_told(tmp_path):
     path = tmp_path / "motion.npz"
     (note,) = write_motion(path, motion, G1, 10.0)
     assert "not evenly spaced: resampled to 11 samples at 10 Hz" in note
-    found = read_motion(path, G1).trajectory
+    found = read_motion(path, G1)
     np.testing.assert_array_equal(found.times, np.arange(11) / 10.0)
     wanted = sample(motion, 0.5 + found.times)
     np.testing.assert_allclose(found.positions, wanted.positions, atol=1e-12)
@@ -107,7 +107,7 @@ def test_bodies_move_as_another_program_computed_them(name, tmp_path):
         pytest.skip("the clips are not beside the repository")
     robot = read_model(str(REVISION)).description
     path = tmp_path / "motion.npz"
-    assert write_motion(path, read_motion(clip, robot).trajectory, robot) == ()
+    assert write_motion(path, read_motion(clip, robot), robot) == ()
     found, wanted = np.load(path), np.load(clip)
     assert {*wanted} <= {*found}
     for array, most in (
@@ -129,7 +129,7 @@ def test_names_tell_the_order_of_the_joints(tmp_path):
     wanted = trajectory(5, 3, 29, np.arange(3) / 30.0)
     write_motion(path, wanted, G1)
     motion = read_motion(path, G1)
-    assert (motion.trajectory.joint_names, motion.notes) == (wanted.joint_names, ())
+    assert (motion.joint_names, motion.notes) == (wanted.joint_names, ())
     for names, words in (
         (np.array(["left_elbow_joint"]), "joint_names has 1 names for 29 joints"),
         (np.zeros(29), "joint_names must be a list of names"),
@@ -142,7 +142,7 @@ def test_names_tell_the_order_of_the_joints(tmp_path):
 def test_what_cannot_be_written_is_told(tmp_path):
     motion = trajectory(2, 3, 2, np.arange(3) / 30.0)
     without_base = trajectory(2, 3, 2, base=False)
-    strange = Trajectory(np.zeros(1), ("a.velocity",), np.zeros((1, 1)))
+    strange = Motion(np.zeros(1), ("a.velocity",), np.zeros((1, 1)))
     (tmp_path / "file").write_text("")
     for name, wanted, error, words in (
         ("a.txt", motion, MotionError, "must end in .csv or .npz"),
@@ -165,7 +165,7 @@ def test_as_many_rows_as_are_promised_fit_into_a_table(n_joints, base):
     longest = np.full((count, n_joints), -1.2345678901234567e-300)
     poses = np.tile([-1.2345678901234567e-300] * 3 + [0.5] * 4, (count, 1))
     times = 1e5 + np.arange(count) / 7
-    motion = Trajectory(times, names, longest, longest, poses if base else None)
+    motion = Motion(times, names, longest, longest, poses if base else None)
     assert 0.6 * size < len(table.write(motion, G1, None)[0]) <= size
 
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from g1_description.motion.motion import Motion
 from g1_description.motion.playlist import Playlist, Setpoint
-from g1_description.motion.trajectory import Trajectory
 
 PRESENT = Setpoint(np.arange(1), np.zeros(1), np.zeros(1))
-ELBOW = Trajectory(np.arange(2.0), ("elbow",), np.zeros((2, 1)))
+ELBOW = Motion(np.arange(2.0), ("elbow",), np.zeros((2, 1)))
 
 
 @pytest.fixture

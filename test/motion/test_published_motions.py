@@ -85,7 +85,7 @@ def test_every_published_motion_is_tried(index):
 def differs(motion, entry):
     """Return whether a motion is not that of the table of truth."""
     truth = np.loadtxt(FOLDER / entry["truth"], delimiter=",")[slice(*entry["rows"])]
-    motion = motion.trajectory
+    motion = motion
     if len(motion.times) != len(truth) or motion.base_poses is None:
         return True
     column = [7 + G1_JOINTS[29].index(name) for name in motion.joint_names]
@@ -180,10 +180,10 @@ def test_the_order_of_quaternions_is_that_in_which_the_robot_stands(
     base, positions = posture(yaw)
     motion = read_motion(file(write(base, positions)), g1, 30.0)
     assert not [note for note in motion.notes if "quaternion" in note]
-    np.testing.assert_allclose(motion.trajectory.base_poses, base, atol=1e-12)
+    np.testing.assert_allclose(motion.base_poses, base, atol=1e-12)
     motion = read_motion(file(write(w_first(base), positions)), g1, 30.0)
     assert W_FIRST in " ".join(motion.notes)
-    np.testing.assert_allclose(motion.trajectory.base_poses, base, atol=1e-12)
+    np.testing.assert_allclose(motion.base_poses, base, atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -199,7 +199,7 @@ def test_a_robot_that_lies_leaves_the_order_open(g1, file, axis, yaw, order, lea
     content = order(base)
     motion = read_motion(file(text(content, positions)), g1, 30.0)
     assert UNKNOWN in " ".join(motion.notes)
-    np.testing.assert_allclose(motion.trajectory.base_poses, content, atol=1e-12)
+    np.testing.assert_allclose(motion.base_poses, content, atol=1e-12)
 
 
 def test_another_robot_than_a_g1_is_read_as_x_y_z_w(file):
@@ -208,7 +208,7 @@ def test_another_robot_than_a_g1_is_read_as_x_y_z_w(file):
     row = ["0", "0", "0", "1", "0", "0", "0", *["0"] * n_joints]
     motion = read_motion(file(",".join(row) + "\n"), robot, 30.0)
     assert motion.notes == ()
-    assert motion.trajectory.base_poses[0].tolist() == [0, 0, 0, 1, 0, 0, 0]
+    assert motion.base_poses[0].tolist() == [0, 0, 0, 1, 0, 0, 0]
 
 
 def raised(names, name, value):
@@ -223,21 +223,21 @@ def raised(names, name, value):
 def test_23_joints_are_those_whose_limits_they_keep(g1, file, write):
     asap = raised(ASAP_JOINTS, "left_shoulder_roll_joint", 2.1)
     motion = read_motion(file(write(*asap)), g1, 30.0)
-    assert motion.trajectory.joint_names == ASAP_JOINTS
+    assert motion.joint_names == ASAP_JOINTS
     assert "assuming ASAP's layout" in motion.notes[0]
     unitree = raised(G1_JOINTS[23], "left_shoulder_pitch_joint", -1.2)
     motion = read_motion(file(write(*unitree)), g1, 30.0)
-    assert motion.trajectory.joint_names == G1_JOINTS[23]
+    assert motion.joint_names == G1_JOINTS[23]
     assert "assuming Unitree's layout" in motion.notes[0]
 
 
 def test_23_joints_within_all_limits_are_asaps_unless_the_robot_has_23(g1, g1_23, file):
     calm = file(text(*raised(ASAP_JOINTS, "left_shoulder_roll_joint", 0.2)))
     motion = read_motion(calm, g1, 30.0)
-    assert motion.trajectory.joint_names == ASAP_JOINTS
+    assert motion.joint_names == ASAP_JOINTS
     assert "both layouts are within limits" in motion.notes[0]
     motion = read_motion(calm, g1_23, 30.0)
-    assert motion.trajectory.joint_names == G1_JOINTS[23]
+    assert motion.joint_names == G1_JOINTS[23]
     assert "both layouts are within limits" in motion.notes[0]
 
 
@@ -249,7 +249,7 @@ def test_asaps_joints_beyond_unitrees_limits_are_not_those_of_a_robot_of_23(
     motion = read_motion(asap, g1_23, 30.0)
     assert "assuming ASAP's layout" in motion.notes[0]
     kept = [name for name in ASAP_JOINTS if name in G1_JOINTS[23]]
-    assert motion.trajectory.joint_names == tuple(kept)
+    assert motion.joint_names == tuple(kept)
 
 
 _ISAAC_23 = (  # as Isaac Lab lists the joints of the G1 of 23
@@ -295,8 +295,8 @@ def test_bodies_tell_the_order_of_23_joints(request, file, robot, names, isaac):
     robot = request.getfixturevalue(robot)
     positions = np.random.default_rng(3).uniform(-0.2, 0.2, size=(4, 23))
     motion = read_motion(file(tracked(robot, names, positions)), robot)
-    assert motion.trajectory.joint_names == names
-    np.testing.assert_array_equal(motion.trajectory.positions, positions)
+    assert motion.joint_names == names
+    np.testing.assert_array_equal(motion.positions, positions)
     assert ("Joint order: Isaac Lab" in " ".join(motion.notes)) == isaac
     assert "another version" not in " ".join(motion.notes)
 
@@ -321,11 +321,11 @@ def test_a_joint_without_limits_may_turn_many_times(file):
     robot = read_model(str(name)).description
     joint = robot.movable_joints[0].name
     motion = read_motion(file(f"time,{joint}\n0,0\n1,90\n"), robot)
-    assert motion.trajectory.positions[-1, 0] == 90.0
+    assert motion.positions[-1, 0] == 90.0
 
 
 def test_a_rate_that_looks_like_a_period_is_told(g1, file):
     base, positions = posture()
     motion = read_motion(file(gmr(base, positions, fps=np.array(0.02))), g1)
-    assert motion.trajectory.times[1] == 50.0
+    assert motion.times[1] == 50.0
     assert "set fps to 50" in " ".join(motion.notes)

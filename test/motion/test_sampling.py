@@ -8,7 +8,7 @@ from scipy.interpolate import CubicHermiteSpline, interp1d
 from scipy.spatial.transform import Rotation, Slerp
 
 from g1_description.errors import MotionError
-from g1_description.motion.trajectory import Trajectory, sample
+from g1_description.motion.motion import Motion, sample
 
 NAMES = ("knee", "elbow")
 
@@ -21,7 +21,7 @@ def random_motion(seed, has_velocities=False, n_samples=7):
     turns *= random.choice([-1.0, 1.0], (n_samples, 1))
     base = np.concatenate([random.normal(size=(n_samples, 3)), turns], axis=1)
     positions = random.normal(size=(n_samples, 2))
-    return Trajectory(times, NAMES, positions, velocities, base)
+    return Motion(times, NAMES, positions, velocities, base)
 
 
 @given(st.integers(0, 1000), st.booleans())
@@ -88,7 +88,7 @@ def test_it_rests_at_its_end():
 
 
 def test_one_sample_is_a_configuration():
-    motion = Trajectory(np.zeros(1), NAMES, np.array([[0.1, 0.2]]))
+    motion = Motion(np.zeros(1), NAMES, np.array([[0.1, 0.2]]))
     for time in (-1.0, 0.0, 2.0):
         found = sample(motion, time)
         assert found.positions.tolist() == [0.1, 0.2]
@@ -119,4 +119,4 @@ def test_what_is_no_motion_is_told(words, changes):
             value = np.array([[0.0, 0.0], [0.0, float(value)], [0.0, 0.0]])
         arrays[name] = value
     with pytest.raises(MotionError, match=words):
-        Trajectory(**arrays)
+        Motion(**arrays)

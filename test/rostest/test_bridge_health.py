@@ -22,7 +22,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from g1_description.bridge.commands import JointCommands
 from g1_description.bridge.player import MotionPlayer
 from g1_description.bridge.status import RobotStatus
-from g1_description.motion.trajectory import Trajectory
+from g1_description.motion.motion import Motion
 from g1_description.robot.urdf import parse_urdf
 from g1_description.ros.log import ThrottledLog
 
@@ -299,9 +299,9 @@ class TestBridgeHealth(unittest.TestCase):
         commands = JointCommands(gazebo, status.name, status.commands, log)
         player = MotionPlayer(gazebo, status, commands)
         bases = np.tile([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0], (2, 1))
-        sample = Trajectory(np.zeros(1), ("elbow",), np.zeros((1, 1)))
-        joints = Trajectory(np.arange(2.0), ("elbow",), np.zeros((2, 1)))
-        base = Trajectory(np.arange(2.0), (), np.zeros((2, 0)), base_poses=bases)
+        sample = Motion(np.zeros(1), ("elbow",), np.zeros((1, 1)))
+        joints = Motion(np.arange(2.0), ("elbow",), np.zeros((2, 1)))
+        base = Motion(np.arange(2.0), (), np.zeros((2, 0)), base_poses=bases)
         wait_for(lambda: player.place_base(bases[0]).success, "the base poses")
         for what, motion, act in (
             ("another motion", joints, lambda: player.play(joints)),

@@ -170,7 +170,7 @@ class TestKinematic(unittest.TestCase):
         self.assertLess(np.abs(done.base_poses - way.base_poses).max(), 1e-12)
         with tempfile.TemporaryDirectory() as folder:
             ROBOT.write_motion(f"{folder}/done.csv", done)
-            read = ROBOT.read_motion(f"{folder}/done.csv").trajectory
+            read = ROBOT.read_motion(f"{folder}/done.csv")
         self.assertEqual(read.positions.tobytes(), done.positions.tobytes())
 
     def test_a_record_has_its_last_state_in_any_case(self):

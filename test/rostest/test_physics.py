@@ -29,7 +29,7 @@ from support.seen import ELBOW, check_that_commands_show
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from g1_description.cli.pose import PosedRobot
-from g1_description.motion.trajectory import Trajectory
+from g1_description.motion.motion import Motion
 from g1_description.robot.poses import package_file, pose_positions, read_poses
 from g1_description.ros.playing import MotionClient
 from g1_description.ros.waiting import RefusedError
@@ -143,7 +143,7 @@ class TestPhysics(unittest.TestCase):
         wanted = "" if self.stands else "nothing drives the joints in limp physics"
         self.assertEqual((answer.success, answer.status_message), (self.stands, wanted))
         if not self.stands:
-            sample = Trajectory(np.arange(2.0), (ELBOW,), np.zeros((2, 1)))
+            sample = Motion(np.arange(2.0), (ELBOW,), np.zeros((2, 1)))
             with self.assertRaisesRegex(RefusedError, f"motion was refused: {wanted}"):
                 MotionClient(play).play(sample)
             pose = [program("pose"), "squat", "--seconds", "1"]

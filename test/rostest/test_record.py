@@ -34,7 +34,7 @@ from support.ros_testing import (
 from g1_description.cli.recorded_file import Room
 from g1_description.cli.recorder import Recorder, SimulatorStates
 from g1_description.motion.files.formats import read_motion
-from g1_description.motion.trajectory import Trajectory
+from g1_description.motion.motion import Motion
 from g1_description.robot.urdf import parse_urdf
 from g1_description.ros.playing import MotionClient
 
@@ -87,7 +87,7 @@ class Recordings:
     def read(self, name):
         """Read a motion, as play does: the times, the elbow, the base along x."""
         robot = parse_urdf(rospy.get_param("/robot_description"))
-        motion = read_motion(self.folder / name, robot).trajectory
+        motion = read_motion(self.folder / name, robot)
         elbow = motion.positions[:, motion.joint_names.index(ELBOW)]
         return SimpleNamespace(
             times=motion.times, elbow=elbow, x=motion.base_poses[:, 0]
@@ -112,7 +112,7 @@ def wave():
     elbow = np.sin(2.0 * times) + 0.01 * times  # each position once
     base = np.tile([0.0, 0.0, 0.9, 0.0, 0.0, 0.0, 1.0], (len(times), 1))
     base[:, 0] = 0.5 * elbow
-    return Trajectory(times, (ELBOW,), elbow[:, np.newaxis], None, base)
+    return Motion(times, (ELBOW,), elbow[:, np.newaxis], None, base)
 
 
 def refusal_of(model):

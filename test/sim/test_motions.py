@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from worlds import OUR_G1
 
 from g1_description.errors import InvalidValueError, UnknownNameError
-from g1_description.motion.trajectory import Trajectory
+from g1_description.motion.motion import Motion
 
 STEP = 1_000_000
 UPRIGHT = np.array([0.0, 0.0, 0.793, 0.0, 0.0, 0.0, 1.0])
@@ -23,7 +23,7 @@ def motion_of(model, seed=1, n=6, velocities=False, gap=0.01):
     random = np.random.RandomState(seed)
     shape = n, len(model.joint_names)
     positions = random.uniform(model.lower, model.upper, shape)
-    return Trajectory(
+    return Motion(
         gap * np.arange(n),
         model.joint_names,
         0.5 * (positions + positions.mean(axis=0)),
@@ -33,7 +33,7 @@ def motion_of(model, seed=1, n=6, velocities=False, gap=0.01):
 
 
 def elbow(*positions, gap=0.01, name=ELBOW):
-    return Trajectory(
+    return Motion(
         gap * np.arange(len(positions)), (name,), np.array(positions)[:, np.newaxis]
     )
 
@@ -129,7 +129,7 @@ def test_it_waits_for_its_beginning(world, model):
 
 def test_before_its_first_time_joints_go_there_from_where_they_are(world, model):
     world.set_joint_positions("g1", {ELBOW: 0.2})
-    motion = Trajectory(np.array([0.01, 0.02]), (ELBOW,), np.array([[0.4], [0.6]]))
+    motion = Motion(np.array([0.01, 0.02]), (ELBOW,), np.array([[0.4], [0.6]]))
     world.motions.play(model, motion, STEP)
     found = []
     for _ in range(11):
@@ -139,7 +139,7 @@ def test_before_its_first_time_joints_go_there_from_where_they_are(world, model)
 
 
 def test_a_newer_motion_takes_its_joints_and_no_others(world, model):
-    both = Trajectory(
+    both = Motion(
         np.array([0.0, 0.1]), (ELBOW, KNEE), np.array([[0.0, 0.0], [1.0, 1.0]])
     )
     world.motions.play(model, both, 0)
@@ -229,7 +229,7 @@ def test_two_robots_play_and_one_goes(world, model):
 
 
 def test_a_single_sample_shows_its_velocities_and_rests(world, model):
-    single = Trajectory(np.zeros(1), (ELBOW,), np.array([[0.5]]), np.array([[2.0]]))
+    single = Motion(np.zeros(1), (ELBOW,), np.array([[0.5]]), np.array([[2.0]]))
     world.motions.play(model, single, STEP)
     world.step()
     assert (position(model), velocity(model)) == (0.5, 2.0)
@@ -251,7 +251,7 @@ def test_limits_are_kept_but_for_rounding(world, model):
 
 def test_what_it_cannot_move_is_told(world, model):
     names = ("left_ear", ELBOW)
-    motion = Trajectory(np.zeros(1), names, np.array([[1.0, 0.5]]))
+    motion = Motion(np.zeros(1), names, np.array([[1.0, 0.5]]))
     report = world.motions.play(model, motion, STEP)
     assert report.unknown == ["left_ear"]
     world.step()
@@ -271,7 +271,7 @@ def test_contacts_are_those_of_the_motion(world, model):
     assert not any("g1" in one for pair in world.contacts() for one in pair)
     pose = UPRIGHT.copy()
     pose[2] -= 0.02
-    motion = Trajectory(np.zeros(1), (), np.zeros((1, 0)), base_poses=pose[np.newaxis])
+    motion = Motion(np.zeros(1), (), np.zeros((1, 0)), base_poses=pose[np.newaxis])
     world.motions.play(model, motion, STEP)
     world.step()
     touching = {link for pair in world.contacts() for link in pair}

@@ -9,10 +9,10 @@ import pytest
 from test_world import ARM
 from waiting import wait_for
 
-from g1_description.motion.trajectory import Trajectory
+from g1_description.motion.motion import Motion
 
 STEPS = 500
-SWING = Trajectory(np.array([0.0, 2.0]), ("hinge",), np.array([[-0.5], [0.5]]))
+SWING = Motion(np.array([0.0, 2.0]), ("hinge",), np.array([[-0.5], [0.5]]))
 
 
 @pytest.fixture

@@ -16,9 +16,9 @@ from worlds import Bench
 from g1_description.errors import InvalidValueError
 from g1_description.files.uris import with_absolute_uris
 from g1_description.motion.files.formats import read_motion
+from g1_description.motion.motion import Motion
 from g1_description.motion.motors import Motor, Motors, read_motors
 from g1_description.motion.tracking import FallLimits
-from g1_description.motion.trajectory import Trajectory
 from g1_description.robot.lumping import lump_fixed_joints
 from g1_description.robot.urdf import parse_urdf
 from g1_description.sim import rollout as rollouts
@@ -86,14 +86,14 @@ def motion(positions, names, seconds=1.0, bases=None):
     """Go through positions at even times."""
     table = np.array(positions, dtype=float).reshape(-1, len(names))
     times = np.linspace(0.0, seconds, len(table))
-    return Trajectory(times, tuple(names), table, base_poses=bases)
+    return Motion(times, tuple(names), table, base_poses=bases)
 
 
 def crane_motion():
     """Stand still for 0.3 s, then turn at once by a radian in 0.1 s."""
     times = np.array([0.0, 0.3, 0.4, 0.6])
     table = np.array([[0.0, 0.0], [0.0, 0.0], [1.0, 0.0], [1.0, 0.0]])
-    return Trajectory(times, (TURN, LIFT), table)
+    return Motion(times, (TURN, LIFT), table)
 
 
 def standing(lean=0.0, seconds=1.0, height=0.0, yaw=0.0):
@@ -188,7 +188,7 @@ def test_a_motor_applies_what_newton_says():
     times, pull = np.linspace(0.0, 0.5, 251), 8.0
     table = np.stack([0.5 * pull * times**2, np.zeros(251)], axis=1)
     speeds = np.stack([pull * times, np.zeros(251)], axis=1)
-    way = Trajectory(times, (TURN, LIFT), table, speeds)
+    way = Motion(times, (TURN, LIFT), table, speeds)
     result = rollout(CRANE, way, EVERY_STEP)
     late = (result.times > 0.2) & (result.times < 0.49)
     turn, lift = (result.joint_names.index(name) for name in (TURN, LIFT))
@@ -318,7 +318,7 @@ def test_a_motion_of_a_base_is_refused_where_the_base_is_the_world():
 
 def test_a_single_configuration_is_held():
     pose = np.array([[0.0, 0.0, 0.3, 0.0, 0.0, 0.0, 1.0]])
-    single = Trajectory(np.zeros(1), (ANKLE,), np.array([[0.3]]), base_poses=pose)
+    single = Motion(np.zeros(1), (ANKLE,), np.array([[0.3]]), base_poses=pose)
     assert rollout(STILTS, single).fell_at == pytest.approx(
         tipping_time(0.3, math.pi / 4.0), rel=0.03
     )
@@ -392,7 +392,7 @@ def test_a_clip_that_begins_on_the_toes_of_a_foot_falls_after_a_second():
     g1 = parse_urdf(with_absolute_uris(model.read_text(), model.parent))
     motors = read_motors(REPOSITORY / "config" / "motors.yaml")
     conditions = Conditions(motors, stops_at_fall=True)
-    result = rollout(g1, read_motion(file, g1, 60.0).trajectory, conditions)
+    result = rollout(g1, read_motion(file, g1, 60.0), conditions)
     assert 0.9 < result.fell_at < 1.3
     assert abs(result.lift) < 0.01
     saturated = result.report.limit_shares > 0.15

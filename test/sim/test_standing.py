@@ -20,7 +20,7 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 from worlds import OUR_G1
 
-from g1_description.motion.trajectory import Trajectory
+from g1_description.motion.motion import Motion
 from g1_description.robot.lumping import lump_fixed_joints
 from g1_description.robot.poses import parse_poses
 from g1_description.robot.urdf import parse_urdf
@@ -299,7 +299,7 @@ SHAPES = """<robot name="r"><link name="a">
 
 
 def still(pose, names=(), positions=()):
-    return Trajectory(
+    return Motion(
         np.zeros(1), tuple(names), np.array([positions]), base_poses=np.array([pose])
     )
 
@@ -327,7 +327,7 @@ def test_the_lowest_of_all_samples_counts():
     robot = parse_urdf(SHAPES)
     poses = np.tile([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0], (3, 1))
     poses[1, 2] = -2.0
-    trajectory = Trajectory(np.arange(3.0), (), np.zeros((3, 0)), base_poses=poses)
+    trajectory = Motion(np.arange(3.0), (), np.zeros((3, 0)), base_poses=poses)
     lowest = lowest_height(robot, trajectory)
     assert lowest == lowest_height(robot, still(poses[1], (), ()))
 

@@ -9,9 +9,9 @@ from conftest import REPOSITORY
 from worlds import OUR_G1, Bench
 
 from g1_description.motion.edit import minimum_jerk_trajectory
+from g1_description.motion.motion import Motion, sample
 from g1_description.motion.motors import Motor, Motors, g1_motors
 from g1_description.motion.tracking import FallLimits
-from g1_description.motion.trajectory import Trajectory, sample
 from g1_description.robot.lumping import lump_fixed_joints
 from g1_description.robot.poses import parse_poses
 from g1_description.robot.urdf import parse_urdf
@@ -218,7 +218,7 @@ def with_base(model, *poses):
     names = model.joint_names
     positions = np.tile(model.position, (len(poses), 1))
     times = np.linspace(0.0, 1.0, len(poses))
-    return Trajectory(times, names, positions, base_poses=np.array(poses))
+    return Motion(times, names, positions, base_poses=np.array(poses))
 
 
 def test_a_robot_that_is_pushed_over_fell(make_world):
@@ -277,7 +277,7 @@ def test_a_motion_that_ends_early_is_told_as_far_as_it_went(hanging, how):
 
 def test_a_single_configuration_is_not_told(hanging):
     world, model = hanging
-    single = Trajectory(np.zeros(1), (ELBOW,), np.array([[0.1]]))
+    single = Motion(np.zeros(1), (ELBOW,), np.array([[0.1]]))
     world.motions.play(model, single, world.time_ns)
     world.run(0.1 + WATCH)
     assert world.motions.take_tracked() == []

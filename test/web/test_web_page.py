@@ -19,7 +19,6 @@ from g1_description.checks.checker import Checker
 from g1_description.checks.thresholds import Thresholds
 from g1_description.errors import InvalidValueError
 from g1_description.motion.motion import Motion
-from g1_description.motion.trajectory import Trajectory
 from g1_description.robot.transform import IDENTITY, compose
 from g1_description.robot.urdf import parse_urdf
 from g1_description.web import check_thread, controls
@@ -110,7 +109,7 @@ class Open:
 
 def ramp(seconds):
     times = np.linspace(0.0, seconds, 31)
-    return Motion(Trajectory(times, ("left_elbow_joint",), -0.3 * times[:, np.newaxis]))
+    return Motion(times, ("left_elbow_joint",), -0.3 * times[:, np.newaxis])
 
 
 @pytest.fixture(scope="module")

@@ -31,7 +31,6 @@ from g1_description.errors import (
     UnknownNameError,
 )
 from g1_description.motion.motion import Motion
-from g1_description.motion.trajectory import Trajectory
 from g1_description.robot.description import Joint
 from g1_description.robot.poses import parse_poses
 from g1_description.robot.state import RobotState
@@ -449,7 +448,7 @@ def test_lines_of_the_whole_motion(server, ui):
     panel = add_plot(server, ui, shown, joints=["to_b", "to_c"])
     panel._span.value = plots.WHOLE
     times = np.linspace(0.0, 1.0, 5)
-    motion = Motion(Trajectory(times, ("to_b",), times[:, np.newaxis] ** 2))
+    motion = Motion(times, ("to_b",), times[:, np.newaxis] ** 2)
     panel.motions = {shown: motion}
     for at in (0.75, 0.25):  # scrubbed, not in order
         At.time = at
@@ -469,7 +468,7 @@ def test_long_motions_have_fewer_points(server, ui):
     panel = add_plot(server, ui, shown, joints=["to_b"])
     panel._span.value = plots.WHOLE
     times = np.arange(9 * plots.MAX_POINTS) / 100.0
-    panel.motions = {shown: Motion(Trajectory(times, ("to_b",), times[:, None]))}
+    panel.motions = {shown: Motion(times, ("to_b",), times[:, None])}
     lengths = {len(line) for line in panel._data(None)}
     assert len(lengths) == 1
     assert lengths.pop() <= 2 * plots.MAX_POINTS

@@ -11,7 +11,6 @@ from oracle import assert_poses_close, forward_kinematics
 from waiting import wait_for
 
 from g1_description.motion.motion import Motion
-from g1_description.motion.trajectory import Trajectory
 from g1_description.robot.urdf import parse_urdf
 from g1_description.web.file_world import DISTANCE, FileWorld, StillRobot
 
@@ -31,7 +30,7 @@ def ramp(seconds, begin=0.0, base=None):
     if base is not None:
         poses = np.tile(np.array(base, dtype=float), (11, 1))
         poses[:, 0] += times
-    return Motion(Trajectory(times, ("elbow",), times[:, np.newaxis], None, poses))
+    return Motion(times, ("elbow",), times[:, np.newaxis], None, poses)
 
 
 @pytest.fixture

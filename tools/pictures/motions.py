@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from g1_description import Robot
-from g1_description.motion.trajectory import Trajectory
+from g1_description.motion.motion import Motion
 from g1_description.sim.standing import lowest_height
 
 SECONDS = 4.0
@@ -24,7 +24,7 @@ LASTING = 0.25
 """How long before and after that half of it is added, in [s]."""
 
 
-def squat(robot: Robot, with_faults: bool) -> Trajectory:
+def squat(robot: Robot, with_faults: bool) -> Motion:
     """Make a squat, from a stand and back to it.
 
     Args:

@@ -22,6 +22,7 @@ from g1_description.bridge.controllers import Controller
 from g1_description.bridge.player import MotionPlayer, Played
 from g1_description.bridge.status import RobotStatus
 from g1_description.errors import G1DescriptionError, MotionError, UnknownNameError
+from g1_description.motion.motion import Motion
 from g1_description.motion.playlist import (
     Following,
     Outcome,
@@ -34,7 +35,6 @@ from g1_description.motion.tolerances import (
     Tolerances,
     tolerances_of_goal,
 )
-from g1_description.motion.trajectory import Trajectory
 from g1_description.robot.state import RobotState
 from g1_description.ros.conversions import stamp_from_ns
 from g1_description.ros.lifecycle import quiet_when_closing
@@ -150,7 +150,7 @@ class OldTrajectoryError(MotionError):
 
 def trajectory_of_goal(
     goal: FollowJointTrajectoryGoal, controller: Controller, now_ns: int
-) -> Trajectory:
+) -> Motion:
     """Read the part of a goal's trajectory that is in the future.
 
     Args:
@@ -346,7 +346,7 @@ class FollowJointTrajectory:
     def _start(
         self,
         handle: ServerGoalHandle,
-        trajectory: Trajectory,
+        trajectory: Motion,
         start: int | None,
         tolerances: Tolerances,
     ) -> None:

@@ -13,7 +13,7 @@ from g1_description.bridge.parameters import RobotParameters, topic_of
 from g1_description.bridge.player import MotionPlayer, Played
 from g1_description.bridge.status import RobotStatus
 from g1_description.errors import G1DescriptionError, MotionError
-from g1_description.motion.trajectory import Trajectory
+from g1_description.motion.motion import Motion
 from g1_description.msg import RobotTrajectory
 from g1_description.ros.conversions import pose_to_array, stamp_from_ns
 from g1_description.ros.log import SHORT_PERIOD, ThrottledLog
@@ -129,7 +129,7 @@ class MotionTopics:
         return self._play(trajectory, header.stamp, stream)
 
     def _play(
-        self, trajectory: Trajectory, stamp: rospy.Time, stream: bool = False
+        self, trajectory: Motion, stamp: rospy.Time, stream: bool = False
     ) -> Played:
         """Play a motion.
 

@@ -17,8 +17,8 @@ from gazebo_msgs.msg import ModelState
 
 from g1_description.bridge.commands import JointCommands
 from g1_description.bridge.status import RobotStatus
+from g1_description.motion.motion import Motion
 from g1_description.motion.playlist import Playback, Playlist, Setpoint
-from g1_description.motion.trajectory import Trajectory
 from g1_description.msg import ModelTrajectory
 from g1_description.robot.state import RobotState
 from g1_description.ros.conversions import model_trajectory, pose_from_array
@@ -101,7 +101,7 @@ class MotionPlayer:
             self.is_idle = True
             """Whether no motion was sent since the reset."""
 
-    def play(self, trajectory: Trajectory, start_ns: int | None = None) -> Played:
+    def play(self, trajectory: Motion, start_ns: int | None = None) -> Played:
         """Play a motion; wait for the simulator's answer.
 
         Args:
@@ -127,7 +127,7 @@ class MotionPlayer:
                     self._lock.notify_all()
         return played
 
-    def stream(self, trajectory: Trajectory, start_ns: int | None = None) -> Played:
+    def stream(self, trajectory: Motion, start_ns: int | None = None) -> Played:
         """Like ``play``, without waiting: for a stream of configurations."""
         if time.monotonic() > self._asked + ASK_PERIOD:
             self._finds_service()
@@ -267,7 +267,7 @@ class MotionPlayer:
         position[own], velocity[own] = state.positions, state.velocities
         return Setpoint(np.arange(n), position, velocity, state.base_pose)
 
-    def _play_here(self, trajectory: Trajectory, start_ns: int | None) -> Played:
+    def _play_here(self, trajectory: Motion, start_ns: int | None) -> Played:
         """Play a motion on a simulator that cannot play motions."""
         now = self._status.stamp
         if not now:
@@ -283,7 +283,7 @@ class MotionPlayer:
         playback = self._add(trajectory, start_ns or now)
         return Played(True, "", start_ns or now, playback)
 
-    def _add(self, trajectory: Trajectory, start_ns: int) -> Playback:
+    def _add(self, trajectory: Motion, start_ns: int) -> Playback:
         """Record a started motion."""
         with self._lock:
             self.is_idle = False

@@ -19,8 +19,7 @@ from sensor_msgs.msg import JointState
 from g1_description.bridge.parameters import BridgeParameters, base_child, static_edges
 from g1_description.errors import G1DescriptionError, InvalidValueError
 from g1_description.motion.files.formats import read_motion
-from g1_description.motion.motion import Motion
-from g1_description.motion.trajectory import Sample, sample
+from g1_description.motion.motion import Motion, Sample, sample
 from g1_description.robot.description import Description
 from g1_description.robot.transform import IDENTITY
 from g1_description.robot.urdf import parse_urdf
@@ -85,7 +84,7 @@ class Replay:
     def __init__(
         self, motion: Motion, robot: Description, parameters: ReplayParameters
     ) -> None:
-        self._trajectory = motion.trajectory
+        self._trajectory = motion
         self._parameters = parameters
         self._frames = BridgeParameters()
         self._base = base_child(self._frames, robot)
@@ -142,7 +141,7 @@ class Replay:
 
 def report(motion: Motion) -> None:
     """Log the motion's size and the notes of its reader."""
-    trajectory = motion.trajectory
+    trajectory = motion
     for note in motion.notes:
         rospy.logwarn("%s", note)
     if trajectory.base_poses is None:

@@ -15,7 +15,6 @@ from geometry_msgs.msg import Point
 from g1_description.checks.checker import Checker
 from g1_description.checks.verdict import Finding, Verdict
 from g1_description.errors import G1DescriptionError, MotionError
-from g1_description.motion.motion import Motion
 from g1_description.msg import Finding as FindingMessage
 from g1_description.ros.conversions import joint_states_to_arrays, pose_to_array
 from g1_description.ros.map_frame import MapFrame
@@ -116,7 +115,7 @@ class CheckServices:
             with self._motion_lock:
                 if self._motion_checker is None:
                     self._motion_checker = self._make_checker()
-                verdict = self._motion_checker.check(Motion(trajectory), request.only)
+                verdict = self._motion_checker.check(trajectory, request.only)
         except G1DescriptionError as error:
             return CheckTrajectoryResponse(status_message=str(error))
         return _answer(CheckTrajectoryResponse, verdict)

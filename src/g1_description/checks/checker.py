@@ -21,7 +21,6 @@ from g1_description.collisions.find_pairs import collisions_of
 from g1_description.collisions.self_collisions import SelfCollisions
 from g1_description.errors import G1DescriptionError, UnknownNameError
 from g1_description.motion.motion import Motion
-from g1_description.motion.trajectory import Trajectory
 from g1_description.robot.description import Description
 from g1_description.sim.rollout import Conditions, rollout
 from g1_description.text import listed, similar_first
@@ -80,8 +79,8 @@ class Checker:
             UnknownNameError: If there is no such check.
             MotionError: If it is too long.
         """
-        rules = self._rules(motion.trajectory, only, self.physics is not None)
-        measured = self._measure(motion.trajectory, rules)
+        rules = self._rules(motion, only, self.physics is not None)
+        measured = self._measure(motion, rules)
         if any(rule.needs_physics and not why for rule, why in rules.items()):
             self._play(measured, rules)
         return self._verdict(measured, rules, motion.notes)
@@ -126,7 +125,7 @@ class Checker:
         return self._verdict(measured, rules, ())
 
     def _rules(
-        self, trajectory: Trajectory, only: Collection[str], physics: bool
+        self, trajectory: Motion, only: Collection[str], physics: bool
     ) -> dict[Rule, str]:
         """Select the rules, by default all, each with the reason it is skipped for."""
         rules = {rule.name: rule for rule in RULES if physics or not rule.needs_physics}
@@ -142,7 +141,7 @@ class Checker:
             if not only or rule.name in only
         }
 
-    def _measure(self, trajectory: Trajectory, rules: Mapping[Rule, str]) -> Measured:
+    def _measure(self, trajectory: Motion, rules: Mapping[Rule, str]) -> Measured:
         """Measure what the active rules need."""
         made = [rule for rule, why in rules.items() if not why]
         needs = {need for rule in made for need in rule.needs}
@@ -212,12 +211,12 @@ def _single(
     positions: Mapping[str, float],
     base: np.ndarray | None,
     velocities: Mapping[str, float] | None,
-) -> Trajectory:
+) -> Motion:
     """Make a motion of one configuration."""
     rates = None
     if velocities is not None:
         rates = np.array([[velocities[name] for name in positions]], dtype=float)
-    return Trajectory(
+    return Motion(
         np.zeros(1),
         tuple(positions),
         np.array([[*positions.values()]], dtype=float),

@@ -11,7 +11,7 @@ import numpy as np
 from g1_description.checks.intervals import runs, without_short
 from g1_description.checks.thresholds import Thresholds
 from g1_description.collisions.convex_shapes import ConvexShape
-from g1_description.motion.trajectory import SNAP
+from g1_description.motion.motion import SNAP
 from g1_description.robot.rotation import cross, to_axes
 
 SLIDE_WINDOW = 0.1

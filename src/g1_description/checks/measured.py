@@ -18,7 +18,7 @@ from g1_description.checks.support import (
 from g1_description.checks.thresholds import Thresholds
 from g1_description.collisions.self_collisions import Contacts, SelfCollisions
 from g1_description.errors import MotionError
-from g1_description.motion.trajectory import Sample, Trajectory, sample
+from g1_description.motion.motion import Motion, Sample, sample
 from g1_description.robot.assembly import WORLD, base_of, root_in_base
 from g1_description.robot.description import Description, Joint
 from g1_description.robot.dynamics import (
@@ -69,7 +69,7 @@ class CheckedRobot:
         self.links = tuple(name for name in description.link_names if name != WORLD)
         """Links in the order of their poses."""
 
-    def lacks(self, need: str, trajectory: Trajectory) -> str:
+    def lacks(self, need: str, trajectory: Motion) -> str:
         """Return why a need of a rule is not met by a motion; empty if it is.
 
         Args:
@@ -107,7 +107,7 @@ class Measured:
     Arrays that no check needs are None.
     """
 
-    def __init__(self, robot: CheckedRobot, trajectory: Trajectory) -> None:
+    def __init__(self, robot: CheckedRobot, trajectory: Motion) -> None:
         """Sample the motion's joints at all times, in chunks to save memory.
 
         Raises:
@@ -272,7 +272,7 @@ class Measured:
 
 def measure(
     robot: CheckedRobot,
-    trajectory: Trajectory,
+    trajectory: Motion,
     needs: Collection[str],
     own: Mapping[str, Measure],
 ) -> Measured:

@@ -12,7 +12,7 @@ from g1_description.checks.intervals import intervals, time_share
 from g1_description.checks.measured import CheckedRobot, Measure, Measured
 from g1_description.checks.thresholds import Level, Thresholds
 from g1_description.checks.verdict import FAILED, WARNING, Finding
-from g1_description.motion.trajectory import Trajectory
+from g1_description.motion.motion import Motion
 from g1_description.robot.description import Joint
 
 
@@ -47,7 +47,7 @@ class Rule:
     measure: Measure | None = None
     """Own measurement of the check; the result is ``measured.own[name]``."""
 
-    skip: Callable[[CheckedRobot, Trajectory], str] | None = None
+    skip: Callable[[CheckedRobot, Motion], str] | None = None
     """Returns why the check is skipped; empty if it is not."""
 
     lower_is_worse: bool = False
@@ -80,7 +80,7 @@ class Rule:
         """Return the thresholds of this check."""
         return thresholds.levels.get(self.name, self.level)
 
-    def skipped(self, robot: CheckedRobot, trajectory: Trajectory) -> str:
+    def skipped(self, robot: CheckedRobot, trajectory: Motion) -> str:
         """Return why the check is skipped for a motion; empty if it is not."""
         reasons = (robot.lacks(need, trajectory) for need in self.needs)
         why = next(filter(None, reasons), "")

@@ -25,7 +25,7 @@ from g1_description.errors import (
 )
 from g1_description.motion.edit import cut, moved, to_start_at
 from g1_description.motion.files.formats import read_motion
-from g1_description.motion.trajectory import Trajectory
+from g1_description.motion.motion import Motion
 from g1_description.robot.transform import IDENTITY
 from g1_description.ros.lifecycle import own_arguments, start_node
 from g1_description.ros.map_frame import MapFrame
@@ -209,7 +209,7 @@ def notify(text: str) -> None:
     say(f"{begin}play: {text}")
 
 
-def prepare(args: PlayOptions, robot: RobotView) -> Trajectory:
+def prepare(args: PlayOptions, robot: RobotView) -> Motion:
     """Read the motion, and move it as requested.
 
     Raises:
@@ -220,7 +220,7 @@ def prepare(args: PlayOptions, robot: RobotView) -> Trajectory:
     motion = read_motion(args.file, robot.description, args.fps, args.topic)
     for note in motion.notes:
         notify(note)
-    trajectory = cut(motion.trajectory, args.begin, args.end)
+    trajectory = cut(motion, args.begin, args.end)
     requested = [args.start_here and "--start-here", args.on_floor and "--on-floor"]
     if trajectory.base_poses is None and any(requested):
         names = " and ".join(filter(None, requested))
@@ -331,7 +331,7 @@ def play(args: PlayOptions) -> None:
         notify(f"{args.file.name}: {session.end - session.begin:.2f} s played.")
 
 
-def _check_end(robot: RobotView, trajectory: Trajectory, name: str) -> None:
+def _check_end(robot: RobotView, trajectory: Motion, name: str) -> None:
     """Check that the robot reached the end of the motion.
 
     Raises:

@@ -17,7 +17,7 @@ from g1_description.files.atomic import whole_file
 from g1_description.motion.files import formats
 from g1_description.motion.files.bag import MAX_MESSAGES
 from g1_description.motion.files.source import MAX_SIZE
-from g1_description.motion.trajectory import Trajectory
+from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.robot.transform import IDENTITY
 from g1_description.ros.conversions import stamp_from_ns, transform
@@ -67,7 +67,7 @@ def room_of(path: Path, joints: Sequence[str], has_base: bool) -> Room:
 
 def write_motion_file(
     path: Path,
-    trajectory: Trajectory,
+    trajectory: Motion,
     robot: Description,
     rate: float | None = None,
     begin: int = MIN_STAMP,
@@ -99,9 +99,7 @@ def write_motion_file(
     return ()
 
 
-def _write_bag(
-    path: Path, trajectory: Trajectory, robot: Description, begin: int
-) -> None:
+def _write_bag(path: Path, trajectory: Motion, robot: Description, begin: int) -> None:
     """Write joint_states, and the base on TF with the same stamps."""
     import rosbag  # takes a third of a second
 

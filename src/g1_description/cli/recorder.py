@@ -22,7 +22,7 @@ from g1_description.errors import (
     MotionError,
     UnknownNameError,
 )
-from g1_description.motion.trajectory import Trajectory
+from g1_description.motion.motion import Motion
 from g1_description.msg import RobotState as RobotStateMessage
 from g1_description.robot.assembly import SCOPE
 from g1_description.robot.description import Description
@@ -124,7 +124,7 @@ class Recorder:
         if self._seconds is not None and elapsed >= self._seconds * 1e9:
             self.is_over = True
 
-    def trajectory(self) -> tuple[Trajectory, int]:
+    def trajectory(self) -> tuple[Motion, int]:
         """Return the recorded motion, from time zero, and the first stamp in [ns]."""
         if self._ignored:
             self.notes.append(f"ignored {self._ignored} incomplete states.")
@@ -132,7 +132,7 @@ class Recorder:
         begin = states[0].stamp
         bases = [state.base_pose for state in states if state.base_pose is not None]
         velocities = [s.velocities for s in states if s.velocities is not None]
-        return Trajectory(
+        return Motion(
             np.array([state.stamp - begin for state in states]) / 1e9,
             states[0].names,
             np.array([state.positions for state in states]),

@@ -43,8 +43,7 @@ from g1_description.errors import (
     UnknownNameError,
 )
 from g1_description.motion.files.formats import read_motion
-from g1_description.motion.motion import Motion
-from g1_description.motion.trajectory import sample
+from g1_description.motion.motion import Motion, sample
 from g1_description.render.camera import VIEWS, Camera, framing
 from g1_description.render.picture import draw
 from g1_description.render.scene import Scene
@@ -386,13 +385,10 @@ def drawn_motion(
     motion = read_motion(
         Path(args.motion), description, args.motion_fps, args.motion_topic
     )
-    begin = float(motion.trajectory.times[0])
-    found = sample(motion.trajectory, _times(args, begin, motion))
+    begin = float(motion.times[0])
+    found = sample(motion, _times(args, begin, motion))
     bases = found.base_poses
-    rows = [
-        dict(zip(motion.trajectory.joint_names, row))
-        for row in found.positions.tolist()
-    ]
+    rows = [dict(zip(motion.joint_names, row)) for row in found.positions.tolist()]
     return [
         [placed(description, None if bases is None else bases[number], row)]
         for number, row in enumerate(rows)
@@ -401,7 +397,7 @@ def drawn_motion(
 
 def _times(args: SnapshotOptions, begin: float, motion: Motion) -> np.ndarray:
     """Choose the times to draw, in [s]."""
-    end = motion.trajectory.duration
+    end = motion.duration
     if args.is_film:
         whole = max(end - begin, 1.0 / args.fps)
         seconds = whole if args.seconds is None else min(args.seconds, whole)

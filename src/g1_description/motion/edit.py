@@ -8,14 +8,14 @@ from dataclasses import replace
 import numpy as np
 
 from g1_description.errors import InvalidValueError
-from g1_description.motion.trajectory import SNAP, Trajectory, sample
+from g1_description.motion.motion import SNAP, Motion, sample
 from g1_description.robot.rotation import rotate
 from g1_description.robot.transform import compose, inverse
 
 
 def cut(
-    trajectory: Trajectory, begin: float | None = None, end: float | None = None
-) -> Trajectory:
+    trajectory: Motion, begin: float | None = None, end: float | None = None
+) -> Motion:
     """Cut a part out of a motion.
 
     Args:
@@ -53,7 +53,7 @@ def cut(
     )
 
 
-def at_speed(trajectory: Trajectory, speed: float, start: float = 0.0) -> Trajectory:
+def at_speed(trajectory: Motion, speed: float, start: float = 0.0) -> Motion:
     """Scale the speed of a motion.
 
     Args:
@@ -69,7 +69,7 @@ def at_speed(trajectory: Trajectory, speed: float, start: float = 0.0) -> Trajec
     )
 
 
-def later(trajectory: Trajectory, lead_in: float) -> Trajectory:
+def later(trajectory: Motion, lead_in: float) -> Motion:
     """Delay a motion, so that the robot can move to the first sample and rest there.
 
     Args:
@@ -84,7 +84,7 @@ def later(trajectory: Trajectory, lead_in: float) -> Trajectory:
     return replace(trajectory, times=trajectory.times + lead_in, velocities=velocities)
 
 
-def moved(trajectory: Trajectory, T_map_motion: np.ndarray) -> Trajectory:
+def moved(trajectory: Motion, T_map_motion: np.ndarray) -> Motion:
     """Move the base of a motion as a whole.
 
     Args:
@@ -96,7 +96,7 @@ def moved(trajectory: Trajectory, T_map_motion: np.ndarray) -> Trajectory:
     return replace(trajectory, base_poses=compose(T_map_motion, trajectory.base_poses))
 
 
-def to_start_at(trajectory: Trajectory, pose: np.ndarray) -> Trajectory:
+def to_start_at(trajectory: Motion, pose: np.ndarray) -> Motion:
     """Move a motion so that it starts at a position and yaw.
 
     Height, roll and pitch of the motion are kept.
@@ -146,7 +146,7 @@ def minimum_jerk(start: np.ndarray, goal: np.ndarray, fraction: float) -> np.nda
 
 def minimum_jerk_trajectory(
     joint_names: Sequence[str], start: np.ndarray, goal: np.ndarray, seconds: float
-) -> Trajectory:
+) -> Motion:
     """Sample a minimum-jerk path of joints, with velocities.
 
     Args:
@@ -157,7 +157,7 @@ def minimum_jerk_trajectory(
     """
     fractions = np.linspace(0.0, 1.0, N_SAMPLES)
     rates = 30.0 * fractions**2 * (1.0 - fractions) ** 2 / seconds
-    return Trajectory(
+    return Motion(
         fractions * seconds,
         tuple(joint_names),
         np.array(

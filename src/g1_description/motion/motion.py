@@ -1,27 +1,253 @@
-"""A motion read from a file, and fitting it to a robot."""
+"""A motion: its samples, their interpolation, and fitting it to a robot."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
+from g1_description.bounds import MAX_VALUE, NORM_TOLERANCE
 from g1_description.errors import MotionError
-from g1_description.motion.trajectory import Trajectory
 from g1_description.robot.description import Description
+from g1_description.robot.rotation import multiply, normalized, rotate, shorter_turn
 from g1_description.text import listed
 
+SINGLE_TIME = 0.1
+"""Duration of the velocities of a single sample, in [s]: a stream of single samples has
+velocities, and when it stops the robot is at rest."""
 
-@dataclass(frozen=True)
+UNIT_TOLERANCE = 1e-12
+"""Smaller errors of the length of a quaternion are kept."""
+
+
+@dataclass(frozen=True, eq=False)
 class Motion:
-    """A motion that fits a robot."""
+    """Configurations of one robot at increasing times.
 
-    trajectory: Trajectory
+    Raises:
+        MotionError: If shapes do not match, times do not increase, or a number is not
+            finite or out of bounds.
+    """
+
+    times: np.ndarray
+    """Times of the configurations since the start, in [s], increasing, shape
+    (n_samples,)."""
+
+    joint_names: tuple[str, ...]
+
+    positions: np.ndarray
+    """Positions of the joints in [rad] or [m], shape (n_samples, n_joints)."""
+
+    velocities: np.ndarray | None = None
+    """Velocities of the joints in [rad/s] or [m/s], shape (n_samples, n_joints); None
+    where they are unknown."""
+
+    base_poses: np.ndarray | None = None
+    """T_map_base, x y z and quaternion x y z w, shape (n_samples, 7); None if the
+    motion has no base."""
 
     notes: tuple[str, ...] = ()
-    """Messages on assumptions, and on joints that do not fit."""
+    """Messages of the file's reader on assumptions, and on joints that do not fit."""
 
     has_times: bool = True
-    """Whether the file has times or a rate."""
+    """Whether its file has times or a rate."""
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        n_samples, n_joints = len(self.times), len(self.joint_names)
+        if not n_samples:
+            raise MotionError("The motion has no samples.")
+        self._check_names()
+        self._check("time", self.times, (n_samples,))
+        self._check("position", self.positions, (n_samples, n_joints))
+        if self.velocities is not None:
+            self._check("velocity", self.velocities, (n_samples, n_joints))
+        if self.base_poses is not None:
+            self._check("base pose", self.base_poses, (n_samples, 7))
+            object.__setattr__(self, "base_poses", _normalized(self.base_poses))
+        is_late = self.times[1:] <= self.times[:-1]
+        if is_late.any():
+            late = int(np.argmax(is_late))
+            before, after = self.times[late], self.times[late + 1]
+            raise MotionError(
+                f"Timestamps must increase: sample {late + 2} is at {after:g} s, "
+                f"after one at {before:g} s."
+            )
+
+    def _check_names(self) -> None:
+        """Check that no joint is named twice."""
+        names = self.joint_names
+        if len(set(names)) == len(names):
+            return
+        twice = [name for name in dict.fromkeys(names) if names.count(name) > 1]
+        raise MotionError(f"The motion has duplicate joints: {listed(twice)}.")
+
+    def _check(self, what: str, array: np.ndarray, shape: tuple[int, ...]) -> None:
+        """Check one array's shape and numbers."""
+        if array.shape != shape:
+            raise MotionError(
+                f"The {what} array of the motion must have the shape {shape} (got "
+                f"{array.shape})."
+            )
+        with np.errstate(invalid="ignore"):  # NaN is not within bounds
+            fits = np.abs(array) <= MAX_VALUE
+        if not fits.all():
+            first = tuple(np.argwhere(~fits)[0])
+            raise MotionError(
+                f"The {what} of sample {first[0] + 1} must be within +-{MAX_VALUE:g} "
+                f"(got {array[first]})."
+            )
+
+    @property
+    def trajectory(self) -> Motion:
+        """The motion itself; for programs written when its numbers had a class."""
+        return self
+
+    @property
+    def duration(self) -> float:
+        """Time from zero to the last sample, in [s]."""
+        return float(self.times[-1])
+
+    @property
+    def rest_time(self) -> float:
+        """Time at which it comes to rest at its last sample, in [s]."""
+        is_single = len(self.times) == 1 and self.velocities is not None
+        return self.duration + (SINGLE_TIME if is_single else 0.0)
+
+
+def _normalized(poses: np.ndarray) -> np.ndarray:
+    """Scale quaternions of poses, shape (n, 7), to unit length: files round them."""
+    lengths = np.sqrt(np.einsum("ij,ij->i", poses[:, 3:], poses[:, 3:]))
+    errors = np.abs(lengths - 1.0)
+    if errors.max() > NORM_TOLERANCE:
+        wrong = np.argmax(errors > NORM_TOLERANCE)
+        raise MotionError(
+            f"The base quaternion of sample {wrong + 1} must have length 1 (got "
+            f"{lengths[wrong]:.6g})."
+        )
+    rounded = errors > UNIT_TOLERANCE
+    if rounded.any():
+        poses = poses.copy()
+        poses[rounded, 3:] = normalized(poses[rounded, 3:])
+    return poses
+
+
+SNAP = 0.5e-9
+"""Times closer than this to a sample's are equal to it, in [s]: stamps have a
+resolution of 1 ns."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """Configurations and velocities at one or several times."""
+
+    positions: np.ndarray
+    """Of the motion's joints in [rad] or [m], shape (..., n_joints)."""
+
+    velocities: np.ndarray
+    """In [rad/s] or [m/s], shape (..., n_joints)."""
+
+    base_poses: np.ndarray | None
+    """T_map_base, shape (..., 7); None if the motion has no base."""
+
+    base_twists: np.ndarray | None
+    """Linear velocity of the base's origin and its angular velocity, along the map's
+    axes, in [m/s] and [rad/s], shape (..., 6)."""
+
+
+def sample(trajectory: Motion, times: np.ndarray | float) -> Sample:
+    """Interpolate a motion.
+
+    Args:
+        trajectory: The motion.
+        times: Since its start in [s], shape (...).
+
+    Returns:
+        The configurations. At the time of a sample they equal the sample exactly, with
+        the velocities of the following segment.
+    """
+    found = np.asarray(times, dtype=float)
+    if len(trajectory.times) == 1:
+        return _single(trajectory, found)
+    first, last, gaps, moves = _segments(trajectory.times, found)
+    elapsed = found - trajectory.times[first]
+    fraction = np.where(moves & (elapsed > SNAP), elapsed, 0.0) / gaps
+    positions, velocities = _joints(trajectory, first, last, fraction, gaps)
+    velocities = np.where(moves[..., np.newaxis], velocities, 0.0)
+    if trajectory.base_poses is None:
+        return Sample(positions, velocities, None, None)
+    begin, end = trajectory.base_poses[first], trajectory.base_poses[last]
+    poses, twists = _base(begin, end, fraction, gaps)
+    return Sample(
+        positions, velocities, poses, np.where(moves[..., np.newaxis], twists, 0.0)
+    )
+
+
+def _single(trajectory: Motion, times: np.ndarray) -> Sample:
+    """Return the only sample of a motion, with velocities for ``SINGLE_TIME``."""
+    n_joints = len(trajectory.joint_names)
+    positions = np.broadcast_to(trajectory.positions[0], (*times.shape, n_joints))
+    velocities = np.zeros(positions.shape)
+    if trajectory.velocities is not None:
+        is_shown = times > trajectory.duration - SNAP
+        is_shown &= times < trajectory.rest_time
+        velocities[is_shown] = trajectory.velocities[0]
+    if trajectory.base_poses is None:
+        return Sample(positions, velocities, None, None)
+    poses = np.broadcast_to(trajectory.base_poses[0], (*times.shape, 7))
+    return Sample(positions, velocities, poses, np.zeros((*times.shape, 6)))
+
+
+def _segments(
+    knots: np.ndarray, times: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Find the samples before and after times.
+
+    Returns:
+        Indices of the samples before and after each time, the time between them in [s]
+        (1 without one), and whether the motion moves.
+    """
+    first = np.searchsorted(knots, times + SNAP, side="right") - 1
+    moves = (first >= 0) & (first < len(knots) - 1)
+    first = np.minimum(np.maximum(first, 0), len(knots) - 1)  # np.clip is slow
+    last = np.minimum(first + 1, len(knots) - 1)
+    return first, last, np.where(moves, knots[last] - knots[first], 1.0), moves
+
+
+def _joints(
+    trajectory: Motion,
+    first: np.ndarray,
+    last: np.ndarray,
+    fraction: np.ndarray,
+    gaps: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Interpolate the joints; return positions and velocities."""
+    s, h = fraction[..., np.newaxis], gaps[..., np.newaxis]
+    p0, p1 = trajectory.positions[first], trajectory.positions[last]
+    if trajectory.velocities is None:
+        return p0 + s * (p1 - p0), (p1 - p0) / h
+    # Cubic Hermite polynomial on [0, 1], and its derivative.
+    v0, v1 = h * trajectory.velocities[first], h * trajectory.velocities[last]
+    step = p1 - p0
+    square, cube = 3.0 * step - 2.0 * v0 - v1, v0 + v1 - 2.0 * step
+    positions = p0 + s * (v0 + s * (square + s * cube))
+    return positions, (v0 + s * (2.0 * square + 3.0 * s * cube)) / h
+
+
+def _base(
+    begin: np.ndarray, end: np.ndarray, fraction: np.ndarray, gaps: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Interpolate the base's pose; return poses and twists."""
+    s, h = fraction[..., np.newaxis], gaps[..., np.newaxis]
+    offset = end[..., :3] - begin[..., :3]
+    axis, half = shorter_turn(begin[..., 3:], end[..., 3:])
+    part = np.concatenate([np.sin(s * half) * axis, np.cos(s * half)], axis=-1)
+    poses = np.concatenate(
+        [begin[..., :3] + s * offset, multiply(begin[..., 3:], part)], axis=-1
+    )
+    spin = rotate(begin[..., 3:], 2.0 * half * axis)
+    return poses, np.concatenate([offset, spin], axis=-1) / h
 
 
 def fitted(motion: Motion, robot: Description) -> Motion:
@@ -34,8 +260,8 @@ def fitted(motion: Motion, robot: Description) -> Motion:
         MotionError: If the robot has none of its joints.
     """
     own = [joint.name for joint in robot.movable_joints]
-    names = motion.trajectory.joint_names
-    if not names and motion.trajectory.base_poses is None:
+    names = motion.joint_names
+    if not names and motion.base_poses is None:
         raise MotionError("The motion has neither joints nor a base.")
     unknown = [name for name in names if name not in own]
     if names and len(unknown) == len(names):
@@ -53,20 +279,19 @@ def fitted(motion: Motion, robot: Description) -> Motion:
         notes.append(
             f"Joints missing from the motion are not moved: {listed(missing)}."
         )
-    trajectory = _without(motion.trajectory, unknown)
-    return replace(motion, trajectory=trajectory, notes=tuple(notes))
+    return replace(_without(motion, unknown), notes=tuple(notes))
 
 
-def _without(trajectory: Trajectory, unknown: Sequence[str]) -> Trajectory:
+def _without(motion: Motion, unknown: Sequence[str]) -> Motion:
     """Remove some joints."""
     if not unknown:
-        return trajectory
-    names = trajectory.joint_names
+        return motion
+    names = motion.joint_names
     kept = [number for number, name in enumerate(names) if name not in unknown]
-    velocities = trajectory.velocities
+    velocities = motion.velocities
     return replace(
-        trajectory,
+        motion,
         joint_names=tuple(names[number] for number in kept),
-        positions=trajectory.positions[:, kept],
+        positions=motion.positions[:, kept],
         velocities=None if velocities is None else velocities[:, kept],
     )

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from g1_description.motion.motion import SNAP, Motion, sample
 from g1_description.motion.tolerances import Tolerances, worst_violation
-from g1_description.motion.trajectory import SNAP, Trajectory, sample
 
 
 class Setpoint(NamedTuple):
@@ -45,7 +45,7 @@ class Playback:
 
     def __init__(
         self,
-        trajectory: Trajectory,
+        trajectory: Motion,
         start_ns: int,
         columns: np.ndarray,
         rows: np.ndarray,
@@ -162,7 +162,7 @@ class Playlist:
         """Whether any motion has not begun."""
         return any(not one.has_begun for one in self._playbacks)
 
-    def add(self, trajectory: Trajectory, start_ns: int) -> Playback:
+    def add(self, trajectory: Motion, start_ns: int) -> Playback:
         """Add a motion; it takes its joints from motions that would begin later.
 
         Args:
@@ -281,7 +281,7 @@ class Following:
 
     def __init__(
         self,
-        trajectory: Trajectory,
+        trajectory: Motion,
         start_ns: int,
         tolerances: Tolerances,
         is_continuous: np.ndarray,
@@ -333,7 +333,7 @@ class Following:
         return (time_ns - self.start_ns) / 1e9
 
 
-def remaining(trajectory: Trajectory, time: float) -> Trajectory | None:
+def remaining(trajectory: Motion, time: float) -> Motion | None:
     """Remove the samples until a time, in [s]; None if none follows."""
     first = int(np.searchsorted(trajectory.times, time + SNAP, side="right"))
     if first == len(trajectory.times):

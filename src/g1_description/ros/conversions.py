@@ -18,7 +18,7 @@ from geometry_msgs.msg import (
 from sensor_msgs.msg import JointState
 
 from g1_description.errors import InvalidValueError
-from g1_description.motion.trajectory import Trajectory
+from g1_description.motion.motion import Motion
 from g1_description.msg import ModelTrajectory
 from g1_description.msg import RobotState as RobotStateMessage
 from g1_description.robot.state import RobotState
@@ -92,7 +92,7 @@ def transform(
 
 
 def model_trajectory(
-    model: str, trajectory: Trajectory, start_ns: int | None = None
+    model: str, trajectory: Motion, start_ns: int | None = None
 ) -> ModelTrajectory:
     """Write a motion as a message.
 

@@ -14,7 +14,7 @@ from trajectory_msgs.msg import (
 )
 
 from g1_description.errors import MotionError, UnknownNameError
-from g1_description.motion.trajectory import Trajectory
+from g1_description.motion.motion import Motion
 from g1_description.msg import RobotTrajectory
 from g1_description.ros.map_frame import MapFrame
 from g1_description.text import listed, similar_first
@@ -22,7 +22,7 @@ from g1_description.text import listed, similar_first
 
 def trajectory_from_message(
     message: JointTrajectory, joints: Collection[str]
-) -> Trajectory:
+) -> Motion:
     """Convert a trajectory of joints.
 
     Accelerations and efforts are ignored.
@@ -48,10 +48,10 @@ def trajectory_from_message(
     if any(point.velocities for point in points):
         _check_all_have_velocities(points)
         velocities = _rows(points, "velocities", len(names))
-    return Trajectory(_times(points), tuple(names), positions, velocities)
+    return Motion(_times(points), tuple(names), positions, velocities)
 
 
-def message_of_joints(trajectory: Trajectory) -> JointTrajectory:
+def message_of_joints(trajectory: Motion) -> JointTrajectory:
     """Convert the joints of a trajectory that starts now; times to whole [ns]."""
     speeds = trajectory.velocities
     rates = [[]] * len(trajectory.times) if speeds is None else speeds.tolist()
@@ -65,7 +65,7 @@ def message_of_joints(trajectory: Trajectory) -> JointTrajectory:
     return message
 
 
-def durations_of(trajectory: Trajectory) -> list[genpy.Duration]:
+def durations_of(trajectory: Motion) -> list[genpy.Duration]:
     """Convert the times of a trajectory to the nearest whole [ns]."""
     counts = (round(1e9 * time) for time in trajectory.times.tolist())
     return [genpy.Duration(*divmod(count, 1_000_000_000)) for count in counts]
@@ -111,7 +111,7 @@ def _rows(
 
 def whole_body_from_message(
     message: RobotTrajectory, joints: Collection[str], frame: MapFrame
-) -> Trajectory | None:
+) -> Motion | None:
     """Convert a motion of joints and base.
 
     Velocities and accelerations of the base are ignored.
@@ -140,7 +140,7 @@ def whole_body_from_message(
     poses = frame.pose_in_map(poses, base.header.frame_id, base.header.stamp)
     times = _times(base.points)
     if not arms.points:
-        return Trajectory(times, (), np.zeros((len(times), 0)), base_poses=poses)
+        return Motion(times, (), np.zeros((len(times), 0)), base_poses=poses)
     trajectory = trajectory_from_message(arms, joints)
     if not np.array_equal(trajectory.times, times):
         raise MotionError("The points of base and joints must have the same times.")
@@ -160,7 +160,7 @@ def pose_from_numbers(pose: np.ndarray) -> np.ndarray:
     """
     if not pose[3:].any():
         pose = np.append(pose[:6], 1.0)
-    still = Trajectory(np.zeros(1), (), np.zeros((1, 0)), base_poses=pose[np.newaxis])
+    still = Motion(np.zeros(1), (), np.zeros((1, 0)), base_poses=pose[np.newaxis])
     return still.base_poses[0]
 
 

@@ -15,7 +15,7 @@ import rospy
 from trajectory_msgs.msg import MultiDOFJointTrajectoryPoint
 
 from g1_description.motion.edit import at_speed, cut, later
-from g1_description.motion.trajectory import SNAP, Trajectory
+from g1_description.motion.motion import SNAP, Motion
 from g1_description.msg import RobotTrajectory
 from g1_description.ros.conversions import to_transform
 from g1_description.ros.motion_messages import durations_of, message_of_joints
@@ -33,7 +33,7 @@ class MotionClient:
         self.may_move = False
         """Whether the robot may be moving."""
 
-    def play(self, trajectory: Trajectory) -> tuple[int, str]:
+    def play(self, trajectory: Motion) -> tuple[int, str]:
         """Play a motion now.
 
         Returns:
@@ -95,7 +95,7 @@ class MotionClient:
         return answer.start.to_nsec(), answer.status_message
 
 
-def _message(trajectory: Trajectory) -> RobotTrajectory:
+def _message(trajectory: Motion) -> RobotTrajectory:
     """Write a motion as a message."""
     message = RobotTrajectory()
     if trajectory.joint_names:
@@ -141,7 +141,7 @@ class Session:
     def __init__(
         self,
         robot: PlayedRobot,
-        trajectory: Trajectory,
+        trajectory: Motion,
         speed: float,
         notify: Callable[[str], None],
         lead_in: float = 0.0,
@@ -273,7 +273,7 @@ class Session:
             self._begin_ns = None
             self.start(self.begin)
 
-    def _play(self, part: Trajectory) -> int:
+    def _play(self, part: Motion) -> int:
         """Play a part of the motion; return its start in [ns]."""
         lead_in = 0.0 if self._has_begun else self._lead_in
         start_ns, message = self._robot.motions.play(later(part, lead_in))

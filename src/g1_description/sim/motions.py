@@ -7,6 +7,7 @@ from collections.abc import Collection
 import numpy as np
 
 from g1_description.errors import InvalidValueError, UnknownNameError
+from g1_description.motion.motion import Motion
 from g1_description.motion.playlist import Playback, Playlist, Setpoint
 from g1_description.motion.tracking import (
     FallDetector,
@@ -14,7 +15,6 @@ from g1_description.motion.tracking import (
     TrackingRecorder,
     TrackingReport,
 )
-from g1_description.motion.trajectory import Trajectory
 from g1_description.sim.engine import Engine
 from g1_description.sim.model import Model, Report
 
@@ -120,7 +120,7 @@ class Motions:
         self._trackers: dict[Playback, MotionTracker] = {}
         self._tracked: list[MotionTracker] = []
 
-    def play(self, model: Model, trajectory: Trajectory, start_ns: int) -> Report:
+    def play(self, model: Model, trajectory: Motion, start_ns: int) -> Report:
         """Play a motion, from the first step at or after its start.
 
         Args:
@@ -256,7 +256,7 @@ def _inside_limits(model: Model, desired: Setpoint) -> Setpoint:
     return desired._replace(positions=inside, velocities=velocities)
 
 
-def _report(model: Model, trajectory: Trajectory) -> Report:
+def _report(model: Model, trajectory: Motion) -> Report:
     """Find the joints of a motion that a model does not have or has to clamp."""
     report = Report()
     for column, name in enumerate(trajectory.joint_names):

@@ -14,9 +14,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from g1_description.errors import InvalidValueError
+from g1_description.motion.motion import SINGLE_TIME, Motion, sample
 from g1_description.motion.motors import Motors
 from g1_description.motion.tracking import FallLimits, TrackingReport
-from g1_description.motion.trajectory import SINGLE_TIME, Trajectory, sample
 from g1_description.robot.assembly import Assembly
 from g1_description.robot.description import Description
 from g1_description.robot.lumping import lump_fixed_joints
@@ -122,7 +122,7 @@ class Rollout:
 
 def rollout(
     robot: Description,
-    motion: Trajectory,
+    motion: Motion,
     conditions: Conditions | None = None,
     on_progress: Callable[[float], None] | None = None,
 ) -> Rollout:
@@ -207,7 +207,7 @@ def _steps(duration_ns: int, conditions: Conditions) -> tuple[int, int]:
     return n_steps, min(stride, n_steps)
 
 
-def _at_beginning(assembly: Assembly, motion: Trajectory) -> Assembly:
+def _at_beginning(assembly: Assembly, motion: Motion) -> Assembly:
     """Set joints to the start of a motion, others to zero, clamped to their limits.
 
     Raises:
@@ -226,7 +226,7 @@ def _at_beginning(assembly: Assembly, motion: Trajectory) -> Assembly:
 
 
 def _place(
-    assembly: Assembly, motion: Trajectory, on_floor: bool, hangs: bool
+    assembly: Assembly, motion: Motion, on_floor: bool, hangs: bool
 ) -> tuple[np.ndarray, float]:
     """Place a robot at the start of a motion; without a base, upright on the floor.
 
@@ -245,7 +245,7 @@ def _place(
     return pose, 0.0 if motion.base_poses is None else float(pose[2]) - height
 
 
-def _complete(model: Model, motion: Trajectory) -> Trajectory:
+def _complete(model: Model, motion: Motion) -> Motion:
     """Extend a motion to all joints of a robot and at least two samples.
 
     Other joints keep their positions. A single configuration is repeated, as it would
@@ -265,4 +265,4 @@ def _complete(model: Model, motion: Trajectory) -> Trajectory:
     elif motion.velocities is not None:
         velocities = np.zeros_like(positions)
         velocities[:, known] = motion.velocities[:, own]
-    return Trajectory(times, model.joint_names, positions, velocities, bases)
+    return Motion(times, model.joint_names, positions, velocities, bases)

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from g1_description.errors import DescriptionError
-from g1_description.motion.trajectory import Trajectory
+from g1_description.motion.motion import Motion
 from g1_description.robot.assembly import WORLD, Assembly
 from g1_description.robot.description import Description, origin_reaches
 from g1_description.robot.kinematics import Kinematics
@@ -110,7 +110,7 @@ def _boxes(model: Model) -> Iterator[tuple[str, np.ndarray]]:
             yield link.name, np.array(corners)
 
 
-def lowest_height(robot: Description, trajectory: Trajectory) -> float:
+def lowest_height(robot: Description, trajectory: Motion) -> float:
     """Compute the lowest point of a robot in the samples of a motion.
 
     For links without collision shapes visual ones are used; planes are ignored.

@@ -11,8 +11,7 @@ from typing import Callable, Optional
 import numpy as np
 
 from g1_description.motion.edit import minimum_jerk_trajectory
-from g1_description.motion.motion import Motion
-from g1_description.motion.trajectory import Trajectory, sample
+from g1_description.motion.motion import Motion, sample
 from g1_description.robot.description import Description
 from g1_description.robot.state import RobotState
 from g1_description.robot.transform import IDENTITY
@@ -51,7 +50,7 @@ class StillRobot:
         """Return to the initial state."""
         with self._lock:
             self._positions, self._base = self._beginning
-            self._way: tuple[Trajectory, float] | None = None
+            self._way: tuple[Motion, float] | None = None
 
     def state(self) -> RobotState:
         """Return the current state."""
@@ -80,18 +79,18 @@ class StillRobot:
             self._base = pose.copy()
             self._base[:3] -= self.offset
 
-    def go(self, trajectory: Trajectory) -> None:
+    def go(self, trajectory: Motion) -> None:
         """Play a motion of joints from now."""
         with self._lock:
             self._way = trajectory, time.monotonic()
 
-    def take(self, trajectory: Trajectory, at: float) -> None:
+    def take(self, trajectory: Motion, at: float) -> None:
         """Take the state of a motion at a time, in [s]."""
         with self._lock:
             self._way = None
             self._take(trajectory, at)
 
-    def _take(self, trajectory: Trajectory, at: float) -> None:
+    def _take(self, trajectory: Motion, at: float) -> None:
         found = sample(trajectory, at)
         bent = dict(zip(trajectory.joint_names, found.positions.tolist()))
         self._positions = {**self._positions, **bent}
@@ -110,8 +109,8 @@ class ClockPlayer:
     def __init__(self, world: FileWorld) -> None:
         self._world = world
         motions = world.motions.values()
-        self.begin = min(float(m.trajectory.times[0]) for m in motions)
-        self.end = max(m.trajectory.duration for m in motions)
+        self.begin = min(float(m.times[0]) for m in motions)
+        self.end = max(m.duration for m in motions)
         self._from = self.begin
         self._speed = 1.0
         self._began: float | None = None
@@ -153,7 +152,7 @@ class ClockPlayer:
         """Update all robots."""
         at = self.time
         for robot, motion in self._world.motions.items():
-            robot.take(motion.trajectory, at)
+            robot.take(motion, at)
         self._world.changed.set()
 
 
@@ -235,6 +234,6 @@ def standing_base(robot: Description, positions: Mapping[str, float]) -> np.ndar
     """
     bent = np.array([[*positions.values()]], dtype=float)
     upright = IDENTITY.copy()
-    posture = Trajectory(np.zeros(1), tuple(positions), bent, None, upright[np.newaxis])
+    posture = Motion(np.zeros(1), tuple(positions), bent, None, upright[np.newaxis])
     upright[2] = -lowest_height(robot, posture)
     return upright

@@ -184,7 +184,7 @@ class MotionPanel:
             text = str(error).replace(str(path), name).replace(path.name, name)
             raise MotionError(text) from error
         self._ui.post(("open", robot), lambda: self.open(name, robot, motion))
-        times = motion.trajectory.times
+        times = motion.times
         return f"{name}: {times[-1] - times[0]:.2f} s, {len(times)} samples."
 
     def open(self, name: str, robot: ShownRobot, motion: Motion) -> None:
@@ -264,9 +264,7 @@ class MotionPanel:
     def _step(self) -> None:
         """Show the first, last, previous or next sample."""
         player, requested = self._player, self._steps.value
-        times = sorted(
-            {t for m in self.motions.values() for t in m.trajectory.times.tolist()}
-        )
+        times = sorted({t for m in self.motions.values() for t in m.times.tolist()})
         near = min(range(len(times)), key=lambda n: abs(times[n] - player.time))
         row = {"first": 0, "-1": near - 1, "+1": near + 1}.get(
             requested, len(times) - 1
@@ -306,7 +304,7 @@ class MotionPanel:
 
 def _title(name: str, motion: Motion) -> str:
     """Describe a motion in Markdown."""
-    times = motion.trajectory.times
+    times = motion.times
     notes = "".join(f"\n- {plain(note)}" for note in motion.notes)
     lasts = f"{times[-1] - times[0]:.2f} s, {len(times)} samples"
     return f"**{plain(name)}** {lasts}{notes}"

@@ -100,7 +100,7 @@ class LivePlayer(Session):
     """A motion that a robot's bridge plays."""
 
     def __init__(self, robot: LiveRobot, motion: Motion) -> None:
-        super().__init__(robot, motion.trajectory, 1.0, rospy.loginfo)
+        super().__init__(robot, motion, 1.0, rospy.loginfo)
 
     def give_way(self) -> None:
         """Become paused, as another command moves the robot."""

@@ -169,7 +169,7 @@ class PlotPanel:
 
     def _whole(self) -> tuple[np.ndarray, ...]:
         """Return the lines over the whole motion."""
-        trajectories = {r: m.trajectory for r, m in self.motions.items()}
+        trajectories = {r: m for r, m in self.motions.items()}
         all_times = [t.times for t in trajectories.values()] or [np.array([0.0, 1.0])]
         times = np.unique(np.concatenate(all_times))
         times = times[:: max(1, len(times) // MAX_POINTS)]

@@ -12,7 +12,7 @@ from g1_description.checks.rules.jumps import near_jumps
 from g1_description.checks.thresholds import Level, Thresholds
 from g1_description.checks.verdict import Finding
 from g1_description.errors import ThresholdError
-from g1_description.motion.trajectory import Trajectory
+from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description, Joint
 from g1_description.text import listed, similar_first
 
@@ -132,7 +132,7 @@ def _derivatives(measured: Measured) -> tuple[np.ndarray, np.ndarray]:
     return acceleration, jerk
 
 
-def _no_bounds(robot: CheckedRobot, trajectory: Trajectory, name: str) -> str:
+def _no_bounds(robot: CheckedRobot, trajectory: Motion, name: str) -> str:
     """Return a reason if no joint of a motion has a bound; else empty."""
     bounds = getattr(robot.thresholds, name).of(trajectory.joint_names)
     return "" if np.isfinite(bounds).any() else "no bounds are set"

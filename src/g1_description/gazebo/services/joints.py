@@ -27,7 +27,7 @@ from g1_description.gazebo.services.base import (
     remarks,
     time_span,
 )
-from g1_description.motion.trajectory import Trajectory
+from g1_description.motion.motion import Motion
 from g1_description.msg import ModelTrajectory
 from g1_description.robot.assembly import SCOPE
 from g1_description.ros.conversions import stamp_from_ns
@@ -185,7 +185,7 @@ def _play(simulation: Simulation, message: ModelTrajectory):
     return response
 
 
-def _jump(model: Model, trajectory: Trajectory) -> str:
+def _jump(model: Model, trajectory: Motion) -> str:
     """Describe a joint far from the first sample; empty if there is none.
 
     A single configuration is a command; a first sample after 0 s leaves time.
@@ -203,7 +203,7 @@ def _jump(model: Model, trajectory: Trajectory) -> str:
     return f"joints jump to the first sample: {name} is {jumps[name]:.2f} away from it"
 
 
-def _trajectory(message: ModelTrajectory) -> Trajectory:
+def _trajectory(message: ModelTrajectory) -> Motion:
     """Read a motion.
 
     Raises:
@@ -212,7 +212,7 @@ def _trajectory(message: ModelTrajectory) -> Trajectory:
     n_samples, n_joints = len(message.times), len(message.joint_names)
     positions = _rows("positions", message.positions, n_samples, n_joints)
     velocities, bases = message.velocities, message.base_poses
-    return Trajectory(
+    return Motion(
         np.array(message.times),
         tuple(message.joint_names),
         positions,

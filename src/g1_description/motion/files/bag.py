@@ -9,6 +9,7 @@ from __future__ import annotations
 import bz2
 import posixpath
 from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, List, Tuple
 
@@ -16,8 +17,7 @@ import numpy as np
 
 from g1_description.errors import MotionError, cause
 from g1_description.motion.files.source import MAX_SIZE, MotionSource
-from g1_description.motion.motion import Motion
-from g1_description.motion.trajectory import Trajectory, sample
+from g1_description.motion.motion import Motion, sample
 from g1_description.robot.assembly import base_of
 from g1_description.robot.description import Description
 from g1_description.robot.transform import IDENTITY, compose
@@ -217,7 +217,7 @@ def _motion(bag: Reader, robot: Description, topic: str | None) -> Motion:
     else:
         motion = _trajectory(name, list(messages))
     also = f" It also has joints on {listed(topics)}." if topics else ""
-    return Motion(motion.trajectory, (f"{motion.notes[0]}{also}", *motion.notes[1:]))
+    return replace(motion, notes=(f"{motion.notes[0]}{also}", *motion.notes[1:]))
 
 
 def _chosen(bag: Reader, topics: Collection[str], name: str | None) -> str:
@@ -279,7 +279,7 @@ def _joined(
         notes.append(
             f"There is no base pose before {seconds:.3f} s: the first one is held."
         )
-    trajectory = Trajectory(
+    trajectory = Motion(
         (stamps - stamps[0]) / 1e9,
         names,
         positions[kept],
@@ -287,7 +287,7 @@ def _joined(
         _poses_at(path, stamps) if path else None,
     )
     whence = f", base from {source}" if path else ""
-    return Motion(trajectory, (f"Joints from {topic}{whence}.", *notes))
+    return replace(trajectory, notes=(f"Joints from {topic}{whence}.", *notes))
 
 
 def _table(
@@ -350,7 +350,7 @@ def _poses_at(
     kept, _ = _rising(own)
     times = (own[kept] - own[0]) / 1e9
     poses = np.array([path[number][1] for number in kept])
-    base = Trajectory(times, (), np.empty((len(times), 0)), None, poses)
+    base = Motion(times, (), np.empty((len(times), 0)), None, poses)
     return sample(base, (stamps - own[0]) / 1e9).base_poses
 
 
@@ -448,14 +448,14 @@ def _trajectory(topic: str, messages: Sequence[tuple[int, Any]]) -> Motion:
     has_rates = bool(joints.names) and all(map(len, rates))
     shape = len(joints.points), len(joints.names)
     stamps = np.array([_nanoseconds(point) for point in joints.points])
-    trajectory = Trajectory(
+    trajectory = Motion(
         stamps / 1e9,
         tuple(joints.names),
         np.array([point.positions for point in joints.points]).reshape(shape),
         np.array(rates) if has_rates else None,
         _poses_at(_path(base), stamps) if base and base.points else None,
     )
-    return Motion(trajectory, (f"Motion from {topic}{more}.",))
+    return replace(trajectory, notes=(f"Motion from {topic}{more}.",))
 
 
 def _path(base: Any) -> list[tuple[int, np.ndarray]]:

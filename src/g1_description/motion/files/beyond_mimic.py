@@ -10,14 +10,14 @@ from __future__ import annotations
 
 import io
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from g1_description.errors import MotionError
 from g1_description.motion.files.conventions import layouts, names_of_columns, of_robot
 from g1_description.motion.files.source import MotionSource
-from g1_description.motion.motion import Motion
-from g1_description.motion.trajectory import Trajectory, sample
+from g1_description.motion.motion import Motion, sample
 from g1_description.robot.description import Description, Joint
 from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.tree import below
@@ -79,8 +79,8 @@ def read(source: MotionSource, robot: Description) -> Motion:
     times, of_times = source.times(n_samples)
     base = np.concatenate([places[:, 0], turns[:, 0, 1:], turns[:, 0, :1]], axis=1)
     names, notes = _names(named, positions, base, places, robot)
-    trajectory = Trajectory(times, names, positions, velocities, base)
-    return Motion(trajectory, (*notes, *of_times))
+    trajectory = Motion(times, names, positions, velocities, base)
+    return replace(trajectory, notes=(*notes, *of_times))
 
 
 def _names(
@@ -181,7 +181,7 @@ def most_samples(joints: Sequence[str], has_base: bool, size: int) -> int:
 
 
 def write(
-    trajectory: Trajectory, robot: Description, rate: float | None
+    trajectory: Motion, robot: Description, rate: float | None
 ) -> tuple[bytes, tuple[str, ...]]:
     """Write a motion with evenly spaced times from zero.
 
@@ -216,8 +216,8 @@ def write(
 
 
 def _even(
-    trajectory: Trajectory, rate: float | None
-) -> tuple[Trajectory, float, tuple[str, ...]]:
+    trajectory: Motion, rate: float | None
+) -> tuple[Motion, float, tuple[str, ...]]:
     """Resample a motion to evenly spaced times, if necessary.
 
     Returns:
@@ -242,13 +242,11 @@ def _even(
         f"The times are not evenly spaced: resampled to {n_samples} samples at "
         f"{fps:g} Hz."
     )
-    even = Trajectory(regular, names, found.positions, velocities, poses)
+    even = Motion(regular, names, found.positions, velocities, poses)
     return even, float(fps), (note,)
 
 
-def _bodies(
-    trajectory: Trajectory, robot: Description
-) -> tuple[np.ndarray, np.ndarray]:
+def _bodies(trajectory: Motion, robot: Description) -> tuple[np.ndarray, np.ndarray]:
     """Place the root and the joints' child links.
 
     Returns:

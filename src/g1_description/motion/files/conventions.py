@@ -13,7 +13,6 @@ import numpy as np
 
 from g1_description.errors import MotionError
 from g1_description.motion.motion import Motion
-from g1_description.motion.trajectory import Trajectory
 from g1_description.robot.assembly import WORLD
 from g1_description.robot.description import Description
 from g1_description.robot.kinematics import Kinematics
@@ -149,9 +148,7 @@ def _excess(positions: np.ndarray, names: tuple[str, ...], robot: Description) -
     return float(excess.max(initial=-np.inf))
 
 
-def w_last(
-    trajectory: Trajectory, robot: Description
-) -> tuple[Trajectory, tuple[str, ...]]:
+def w_last(trajectory: Motion, robot: Description) -> tuple[Motion, tuple[str, ...]]:
     """Convert base quaternions from w x y z to x y z w, if necessary.
 
     The sole of the lower foot decides: of 67 files, 62 x y z w and 5 w x y z, its tilt
@@ -180,7 +177,7 @@ def w_last(
     return other, (W_FIRST,)
 
 
-def _tilt(trajectory: Trajectory, robot: Description) -> float:
+def _tilt(trajectory: Motion, robot: Description) -> float:
     """Find the tilt of the lower sole in [deg]; infinite if it is below the floor."""
     count = len(trajectory.times)
     samples = np.unique(np.linspace(0, count - 1, N_SAMPLES).astype(int))
@@ -228,14 +225,14 @@ def check_radians(motion: Motion, robot: Description) -> None:
         MotionError: If an angle is too large for radians.
     """
     revolute = {j.name: j for j in robot.movable_joints if j.kind == "revolute"}
-    positions = np.abs(motion.trajectory.positions)
-    for number, name in enumerate(motion.trajectory.joint_names):
+    positions = np.abs(motion.positions)
+    for number, name in enumerate(motion.joint_names):
         if name not in revolute or positions[:, number].max() <= MAX_ANGLE:
             continue
         row = int(np.argmax(positions[:, number]))
         joint = revolute[name]
         raise MotionError(
-            f"{name} is at {motion.trajectory.positions[row, number]:.6g} in sample "
+            f"{name} is at {motion.positions[row, number]:.6g} in sample "
             f"{row + 1}, with limits of {joint.lower:.3g} and {joint.upper:.3g} rad: "
             "this looks like degrees. Positions must be in radians."
         )

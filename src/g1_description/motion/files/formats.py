@@ -19,7 +19,6 @@ from g1_description.motion.files import bag, beyond_mimic, gmr, table, trajector
 from g1_description.motion.files.conventions import check_radians
 from g1_description.motion.files.source import MAX_FILE_SIZE, ZIP, MotionSource
 from g1_description.motion.motion import Motion, fitted
-from g1_description.motion.trajectory import Trajectory
 from g1_description.robot.description import Description
 from g1_description.text import listed
 
@@ -127,7 +126,7 @@ def _line(source: MotionSource) -> str:
 
 def write_motion(
     path: Path,
-    trajectory: Trajectory,
+    trajectory: Motion,
     robot: Description,
     rate: float | None = None,
 ) -> tuple[str, ...]:

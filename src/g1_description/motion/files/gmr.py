@@ -5,12 +5,13 @@ Quaternions are x y z w, which is checked. TWIST2 and GMT use the same arrays.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from g1_description.motion.files.conventions import names_of_columns, w_last
 from g1_description.motion.files.source import MotionSource
 from g1_description.motion.motion import Motion
-from g1_description.motion.trajectory import Trajectory
 from g1_description.robot.description import Description
 
 ENDINGS = (".pkl", ".pickle", ".npz")
@@ -37,6 +38,6 @@ def read(source: MotionSource, robot: Description) -> Motion:
     base = np.concatenate([places, turns], axis=1)
     names, of_names = names_of_columns(positions, robot)
     trajectory, of_base = w_last(
-        Trajectory(times, names, positions, base_poses=base), robot
+        Motion(times, names, positions, base_poses=base), robot
     )
-    return Motion(trajectory, (*of_names, *of_base, *notes))
+    return replace(trajectory, notes=(*of_names, *of_base, *notes))

@@ -15,6 +15,7 @@ from __future__ import annotations
 import re
 from array import array
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,7 +23,6 @@ from g1_description.errors import MotionError, NoMotionError
 from g1_description.motion.files.conventions import names_of_columns, w_last
 from g1_description.motion.files.source import MotionSource
 from g1_description.motion.motion import Motion
-from g1_description.motion.trajectory import Trajectory
 from g1_description.robot.description import Description
 from g1_description.text import listed
 
@@ -103,12 +103,12 @@ def _headless(
     base, positions = values[:, : len(BASE)], values[:, len(BASE) :]
     joints, notes = names_of_columns(positions, robot)
     times = np.arange(len(values)) / (rate or DEFAULT_RATE)
-    trajectory = Trajectory(times, joints, positions, base_poses=base)
+    trajectory = Motion(times, joints, positions, base_poses=base)
     trajectory, more = w_last(trajectory, robot)
     notes = (*notes, *more)
     if not rate:
         notes = (f"The file has no times; assuming {DEFAULT_RATE:g} Hz.", *notes)
-    return Motion(trajectory, notes, has_times=False)
+    return replace(trajectory, notes=notes, has_times=False)
 
 
 def _headed(
@@ -146,13 +146,11 @@ def _headed(
         return values[:, [names.index(name) for name in needed]]
 
     return Motion(
-        Trajectory(
-            values[:, names.index(TIME)],
-            tuple(joints),
-            columns(joints),
-            columns(velocities) if has_velocities else None,
-            columns(BASE) if base else None,
-        )
+        values[:, names.index(TIME)],
+        tuple(joints),
+        columns(joints),
+        columns(velocities) if has_velocities else None,
+        columns(BASE) if base else None,
     )
 
 
@@ -165,7 +163,7 @@ def _may_be_motion(names: list[str], row: str, robot: Description) -> bool:
 
 
 def write(
-    trajectory: Trajectory, robot: Description, rate: float | None
+    trajectory: Motion, robot: Description, rate: float | None
 ) -> tuple[bytes, tuple[str, ...]]:
     """Write a motion as a table with a header, without loss of precision.
 

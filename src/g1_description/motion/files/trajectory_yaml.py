@@ -22,7 +22,6 @@ from g1_description.bounds import MAX_VALUE
 from g1_description.errors import MotionError, NoMotionError, cause
 from g1_description.motion.files.source import MotionSource
 from g1_description.motion.motion import Motion
-from g1_description.motion.trajectory import Trajectory
 from g1_description.robot.description import Description
 
 ENDINGS = (".yaml", ".yml")
@@ -80,14 +79,12 @@ def read(source: MotionSource, robot: Description) -> Motion:
     if not points or not all(isinstance(point, dict) for point in points):
         raise MotionError("The trajectory has no points.")
     return Motion(
-        Trajectory(
-            np.array([_time(point, number) for number, point in enumerate(points, 1)]),
-            tuple(names),
-            np.array(_columns(points, "positions", len(names))),
-            np.array(_columns(points, "velocities", len(names)))
-            if all(point.get("velocities") for point in points)
-            else None,
-        )
+        np.array([_time(point, number) for number, point in enumerate(points, 1)]),
+        tuple(names),
+        np.array(_columns(points, "positions", len(names))),
+        np.array(_columns(points, "velocities", len(names)))
+        if all(point.get("velocities") for point in points)
+        else None,
     )
 
 
