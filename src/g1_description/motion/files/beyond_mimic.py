@@ -60,23 +60,23 @@ def read(source: MotionSource, robot: Description) -> Motion:
     Raises:
         MotionError: If an array has a wrong shape or content.
     """
-    positions = source.numbers("joint_pos", None, None)
+    positions = source.arrays.numbers("joint_pos", None, None)
     n_samples, n_joints = positions.shape
-    places = source.numbers("body_pos_w", n_samples, None, 3)
-    turns = source.numbers("body_quat_w", n_samples, places.shape[1], 4)
+    places = source.arrays.numbers("body_pos_w", n_samples, None, 3)
+    turns = source.arrays.numbers("body_quat_w", n_samples, places.shape[1], 4)
     velocities = None
     if "joint_vel" in source.arrays:
-        velocities = source.numbers("joint_vel", n_samples, n_joints)
+        velocities = source.arrays.numbers("joint_vel", n_samples, n_joints)
     if not places.shape[1]:
         raise MotionError("body_pos_w must have at least one body, the root.")
     named = None
     if "joint_names" in source.arrays:
-        named = source.names("joint_names")
+        named = source.arrays.names("joint_names")
         if len(named) != n_joints:
             raise MotionError(
                 f"joint_names has {len(named)} names for {n_joints} joints."
             )
-    times, of_times = source.times(n_samples)
+    times, of_times = source.arrays.times(n_samples)
     base = np.concatenate([places[:, 0], turns[:, 0, 1:], turns[:, 0, :1]], axis=1)
     names, notes = _names(named, positions, base, places, robot)
     trajectory = Motion(times, names, positions, velocities, base)

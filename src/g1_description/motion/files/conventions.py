@@ -33,6 +33,7 @@ def _g1_joints(waist: Sequence[str], arm: Sequence[str]) -> tuple[str, ...]:
 
 G1_JOINTS = {
     29: _g1_joints(WAIST, (*ARM, *WRIST)),
+    27: _g1_joints(WAIST[:1], (*ARM, *WRIST)),
     23: _g1_joints(WAIST[:1], (*ARM, WRIST[0])),
 }
 """Joints of the G1's versions by their number, in the order of the vendor's files."""
@@ -72,8 +73,8 @@ MAX_ANGLE = 10.0
 W_FIRST = "Base quaternions are read as w x y z: only then are the feet flat."
 
 UNKNOWN_QUATERNION = (
-    "Cannot tell the quaternion order of the base (the feet are not flat in either); "
-    "assuming x y z w. If it is w x y z, move w behind z in the file."
+    "Cannot tell the quaternion order of the base: the feet are flat in neither. Give "
+    "it: --order xyzw or --order wxyz."
 )
 
 
@@ -148,7 +149,12 @@ def _excess(positions: np.ndarray, names: tuple[str, ...], robot: Description) -
     return float(excess.max(initial=-np.inf))
 
 
-def w_last(trajectory: Motion, robot: Description) -> tuple[Motion, tuple[str, ...]]:
+def w_last(
+    motion: Motion,
+    robot: Description,
+    order: str | None = None,
+    is_told: bool = False,
+) -> Motion:
     """Convert base quaternions from w x y z to x y z w, if necessary.
 
     The sole of the lower foot decides: of 67 files, 62 x y z w and 5 w x y z, its tilt
@@ -158,23 +164,32 @@ def w_last(trajectory: Motion, robot: Description) -> tuple[Motion, tuple[str, .
     x y z w is assumed.
 
     Args:
-        trajectory: With a base, whose quaternions are as in the file.
+        motion: With a base, whose quaternions are as in the file.
         robot: The robot.
+        order: The order, xyzw or wxyz, if the user tells it.
+        is_told: Whether the format has x y z w, so that only flat feet tell otherwise.
 
     Returns:
-        The motion, and a message if its quaternions are not certainly x y z w.
+        The motion, with a message if its quaternions are not certainly x y z w.
+
+    Raises:
+        MotionError: If the order cannot be told.
     """
-    base = trajectory.base_poses
+    base = motion.base_poses
     has_soles = {*SOLES} <= {*robot.link_names}
-    if base is None or not has_soles or robot.root == WORLD or len(robot.roots) > 1:
-        return trajectory, ()
-    other = replace(trajectory, base_poses=base[:, [0, 1, 2, 4, 5, 6, 3]])
-    as_read, turned = (_tilt(each, robot) for each in (trajectory, other))
-    if min(as_read, turned) > MAX_TILT:
-        return trajectory, (UNKNOWN_QUATERNION,)
-    if as_read <= turned + SAME_TILT:
-        return trajectory, ()
-    return other, (W_FIRST,)
+    if base is None or order == "xyzw":
+        return motion
+    other = replace(motion, base_poses=base[:, [0, 1, 2, 4, 5, 6, 3]])
+    if order == "wxyz":
+        return other
+    if not has_soles or robot.root == WORLD or len(robot.roots) > 1:
+        return motion
+    as_read, turned = (_tilt(each, robot) for each in (motion, other))
+    if min(as_read, turned) > MAX_TILT and not is_told:
+        raise MotionError(UNKNOWN_QUATERNION)
+    if as_read <= turned + SAME_TILT or turned > MAX_TILT:
+        return motion
+    return replace(other, notes=(*motion.notes, W_FIRST))
 
 
 def _tilt(trajectory: Motion, robot: Description) -> float:

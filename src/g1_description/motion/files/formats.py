@@ -1,49 +1,70 @@
 """The table of motion formats, and reading and writing by it.
 
 A format is a module with ``recognise(source)``, which examines a file's content,
-``read(source, robot)``, and ``ENDINGS``, the extensions of its files in folders. To be
-written, it also has ``write(trajectory, robot, rate)`` and ``most_samples``; its files
-have the first of these extensions.
+``read(source, robot)``, and ``ENDINGS``, the extensions of its files in folders. If its
+files may have several motions, it has ``names(source)``, too. To be written, it also
+has ``write(motion, robot, rate)`` and ``most_samples``; its files have the first of
+these extensions.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import ModuleType
+from typing import Callable, Union
 
-from g1_description.errors import MotionError
+from g1_description.errors import InvalidValueError, MotionError
 from g1_description.files.atomic import write_whole
 from g1_description.motion.files import bag, beyond_mimic, gmr, table, trajectory_yaml
 from g1_description.motion.files.conventions import check_radians
-from g1_description.motion.files.source import MAX_FILE_SIZE, ZIP, MotionSource
+from g1_description.motion.files.source import MAX_FILE_SIZE, MotionSource
 from g1_description.motion.motion import Motion, fitted
 from g1_description.robot.description import Description
 from g1_description.text import listed
 
-FORMATS: Sequence[ModuleType] = (bag, beyond_mimic, gmr, trajectory_yaml, table)
-"""The first one that recognises a file reads it; a table is any other text."""
+Content = Union[bytes, Mapping[str, bytes]]
+"""Of a file, or of a folder's files by name."""
 
-ENDINGS = tuple(sorted({ending for module in FORMATS for ending in module.ENDINGS}))
+FORMATS: Mapping[str, ModuleType] = {
+    "bag": bag,
+    "tracking": beyond_mimic,
+    "gmr": gmr,
+    "trajectory": trajectory_yaml,
+    "table": table,
+}
+"""Formats by name. The first one that recognises a file reads it; a table is any other
+text."""
+
+ENDINGS = tuple(
+    sorted({ending for module in FORMATS.values() for ending in module.ENDINGS})
+)
 """Extensions of motions in folders; files that are given may have any name."""
 
-WRITTEN: Mapping[str, ModuleType] = {
-    module.ENDINGS[0]: module for module in (table, beyond_mimic)
-}
-"""Formats that can be written, by file extension."""
 
-_COMPRESSED = (
-    "Compressed files are not supported; if joblib wrote it, save the motion with "
-    "pickle.dump or numpy.savez."
-)
-BINARY = {
-    b"\x93NUMPY": "npy files are not supported; save all arrays of the motion with "
-    "numpy.savez.",
-    **dict.fromkeys((b"x\x01", b"x^", b"x\x9c", b"x\xda"), _COMPRESSED),
-    **dict.fromkeys((b"\x1f\x8b", b"BZh", b"\xfd7zXZ"), _COMPRESSED),
+@dataclass(frozen=True)
+class Writer:
+    """How a format is written."""
+
+    ending: str
+    """Extension of its files; empty: it is a folder."""
+
+    write: Callable[[Motion, Description, float | None], tuple[Content, Sequence[str]]]
+    """Given a motion, its robot and a rate in [Hz] (None: that of the motion), returns
+    the file's bytes, or those of a folder's files by name, and messages on differences
+    from the motion."""
+
+
+WRITERS: Mapping[str, Writer] = {
+    "csv": Writer(".csv", table.write),
+    "npz": Writer(".npz", beyond_mimic.write),
 }
-"""Messages by first bytes: of numpy, zlib, gzip, bz2 and xz."""
+"""Formats that can be written, by name. The first one of an extension is its usual
+one."""
+
+WRITTEN: Mapping[str, ModuleType] = {".csv": table, ".npz": beyond_mimic}
+"""Formats that can be recorded, by extension."""
 
 
 def read_motion(
@@ -51,21 +72,26 @@ def read_motion(
     robot: Description,
     rate: float | None = None,
     topic: str | None = None,
+    order: str | None = None,
+    name: str | None = None,
 ) -> Motion:
     """Read a motion of a robot from a file; its format is detected by content.
 
     Args:
-        path: CSV, npz, pickle, YAML of a JointTrajectory, or rosbag.
+        path: The file or folder, or ``FILE#NAME`` for one of several motions in a file.
         robot: The robot; joints that it does not have are ignored, with a note.
         rate: Samples per second of a file without times.
         topic: Topic of the joints in a bag; None: the usual one.
+        order: Of base quaternions that the format does not tell, xyzw or wxyz; None:
+            by the feet.
+        name: Of the format, one of ``FORMATS``; None: found by content.
 
     Raises:
         MotionError: If the file cannot be read, or its motion does not fit the robot.
     """
-    source = MotionSource(path, rate, topic)
+    source = MotionSource(path, rate, topic, order)
     try:
-        module = _format(source)
+        module = _format(source, name)
         motion = module.read(source, robot)
         if rate is not None and motion.has_times:
             ignored = f"the rate of {rate:g} Hz is ignored"
@@ -79,15 +105,32 @@ def read_motion(
     return motion
 
 
-def _format(source: MotionSource) -> ModuleType:
+def motion_names(path: Path) -> Sequence[str]:
+    """List the motions of a file that has several, or names its one; else none.
+
+    Raises:
+        MotionError: If the file cannot be read.
+    """
+    source = MotionSource(path)
+    module = _format(source)
+    return module.names(source) if hasattr(module, "names") else ()
+
+
+def _format(source: MotionSource, name: str | None = None) -> ModuleType:
     """Find the format of a file.
 
     Raises:
         MotionError: If there is none.
     """
+    if name is not None and name not in FORMATS:
+        raise MotionError(f"There is no format {name!r}; formats: {listed(FORMATS)}.")
     if source.topic is not None and not bag.recognise(source):
         raise MotionError(f"Not a rosbag; the topic {source.topic} needs one.")
-    for module in FORMATS:
+    if name is not None:
+        if not FORMATS[name].recognise(source):
+            raise MotionError(f"The file is not of the format {name}.")
+        return FORMATS[name]
+    for module in FORMATS.values():
         if module.recognise(source):
             return module
     raise MotionError(_problem(source))
@@ -95,22 +138,18 @@ def _format(source: MotionSource) -> ModuleType:
 
 def _problem(source: MotionSource) -> str:
     """Explain why no format recognises a file."""
+    if source.is_folder:
+        return "The folder is not of a known format."
     names = list(map(str, source.arrays))
-    if source.head.startswith(ZIP) and b".npy" not in source.data:
-        if any(name.endswith("/data.pkl") for name in names):
-            return "PyTorch files are not supported; convert it to npz or CSV."
-        return "Not an npz: a zip file without arrays."
     if names:
         found = listed(names)
         for arrays in (beyond_mimic.ARRAYS, gmr.ARRAYS):
             missing = [name for name in arrays if name not in names]
             if len(missing) == 1:
                 return f"The array {missing[0]} is missing; the file has {found}."
-        known = f"{listed(beyond_mimic.ARRAYS)}; or {listed(gmr.ARRAYS)}"
-        return f"The file has {found}; expected {known}."
-    for begin, words in BINARY.items():
-        if source.head.startswith(begin):
-            return words
+        return f"No known format has the arrays {found}."
+    if source.is_zip:
+        return "Not an npz: a zip file without arrays."
     return f"Unknown format: not an npz, pickle, rosbag or UTF-8 text{_line(source)}."
 
 
@@ -126,17 +165,20 @@ def _line(source: MotionSource) -> str:
 
 def write_motion(
     path: Path,
-    trajectory: Motion,
+    motion: Motion,
     robot: Description,
     rate: float | None = None,
+    name: str | None = None,
 ) -> tuple[str, ...]:
     """Write a motion, so that ``read_motion`` reads the same numbers.
 
     Args:
-        path: The file, in the format of its extension; an existing one is replaced.
-        trajectory: The motion.
+        path: The file or folder; an existing file is replaced.
+        motion: The motion.
         robot: Whose motion it is.
-        rate: Samples per second of an npz, in [Hz]; None: those of the motion.
+        rate: Samples per second of a format with evenly spaced samples, in [Hz]; None:
+            those of the motion.
+        name: Of the format, one of ``WRITERS``; None: by the extension.
 
     Returns:
         Messages on differences from the motion: an npz has evenly spaced times.
@@ -145,19 +187,50 @@ def write_motion(
         MotionError: If the format does not support it, or it is too large.
         InvalidValueError: If the file cannot be written.
     """
-    module = WRITTEN.get(path.suffix.lower())
-    if module is None:
-        raise MotionError(
-            f"Unknown format of {path.name}: it must end in {' or '.join(WRITTEN)}."
-        )
-    content, notes = module.write(trajectory, robot, rate)
-    if len(content) > MAX_FILE_SIZE:
-        raise MotionError(
-            f"{path.name} would have {len(content) / 1e6:.0f} MB; the limit is "
-            f"{MAX_FILE_SIZE / 1e6:.0f} MB."
-        )
-    write_whole(path, content)
-    return notes
+    content, notes = writer_of(path, name).write(motion, robot, rate)
+    if isinstance(content, bytes):
+        files = {path: content}
+    else:
+        files = {path / file: part for file, part in content.items()}
+        try:
+            path.mkdir(exist_ok=True)
+        except OSError as error:
+            raise InvalidValueError(
+                f"{path} cannot be made: {error.strerror}."
+            ) from error
+    for file, part in files.items():
+        if len(part) > MAX_FILE_SIZE:
+            raise MotionError(
+                f"{file.name} would have {len(part) / 1e6:.0f} MB; the limit is "
+                f"{MAX_FILE_SIZE / 1e6:.0f} MB."
+            )
+        write_whole(file, part)
+    return tuple(notes)
+
+
+def writer_of(path: Path, name: str | None = None) -> Writer:
+    """Find how a file is written.
+
+    Args:
+        path: The file or folder.
+        name: Of the format; None: by the extension.
+
+    Raises:
+        MotionError: If there is no such format.
+    """
+    ending = path.suffix.lower()
+    if name is not None:
+        if name not in WRITERS:
+            known = listed(WRITERS)
+            raise MotionError(f"The format {name!r} is not written; formats: {known}.")
+        return WRITERS[name]
+    for writer in WRITERS.values():
+        if writer.ending == ending:
+            return writer
+    endings = dict.fromkeys(w.ending for w in WRITERS.values() if w.ending)
+    raise MotionError(
+        f"Unknown format of {path.name}: it must end in {' or '.join(endings)}."
+    )
 
 
 def most_samples(ending: str, joints: Sequence[str], has_base: bool) -> int:

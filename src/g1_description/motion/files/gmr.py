@@ -30,14 +30,13 @@ def read(source: MotionSource, robot: Description) -> Motion:
     Raises:
         MotionError: If an array has a wrong shape or content.
     """
-    positions = source.numbers("dof_pos", None, None)
+    positions = source.arrays.numbers("dof_pos", None, None)
     n_samples = len(positions)
-    places = source.numbers("root_pos", n_samples, 3)
-    turns = source.numbers("root_rot", n_samples, 4)
-    times, notes = source.times(n_samples)
+    places = source.arrays.numbers("root_pos", n_samples, 3)
+    turns = source.arrays.numbers("root_rot", n_samples, 4)
+    times, notes = source.arrays.times(n_samples)
     base = np.concatenate([places, turns], axis=1)
     names, of_names = names_of_columns(positions, robot)
-    trajectory, of_base = w_last(
-        Motion(times, names, positions, base_poses=base), robot
-    )
-    return replace(trajectory, notes=(*of_names, *of_base, *notes))
+    motion = Motion(times, names, positions, base_poses=base, notes=of_names)
+    motion = w_last(motion, robot, source.order, is_told=True)
+    return replace(motion, notes=(*motion.notes, *notes))

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import bz2
 import io
+import lzma
+import re
 import stat
-from collections.abc import Mapping
-from functools import cached_property
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Callable
 
 import numpy as np
 
 from g1_description.errors import MotionError, cause
 from g1_description.motion.files.pickles import PICKLE, read_pickle
+from g1_description.motion.motion import Motion
+from g1_description.text import listed
 
 MAX_FILE_SIZE = 100_000_000
 """Largest file in bytes: more than an hour at 60 Hz as text."""
@@ -23,87 +30,67 @@ MAX_SIZE = 12_000_000
 MAX_BYTES = 250_000_000
 """Largest array of an npz in bytes, decompressed."""
 
+MAX_CONTENT = 400_000_000
+"""Most bytes of a compressed file, decompressed."""
+
+MAX_LISTED = 10
+"""Most names of motions in a message."""
+
 ZIP = b"PK"
+NPY_MAGIC = b"\x93NUMPY"
+
+NPY = "npy"
+"""Name of the array of an npy."""
+
+COMPRESSED: Mapping[bytes, Callable[[], Any]] = {
+    **dict.fromkeys((b"x\x01", b"x^", b"x\x9c", b"x\xda"), zlib.decompressobj),
+    b"\x1f\x8b": partial(zlib.decompressobj, zlib.MAX_WBITS | 16),
+    b"BZh": bz2.BZ2Decompressor,
+    b"\xfd7zXZ": lzma.LZMADecompressor,
+}
+"""Decompressors by first bytes: of zlib, gzip, bz2 and xz."""
+
+RATE_IN_NAME = re.compile(r"_(\d{1,3})(?:_?hz|_jpos)(?![a-z0-9])", re.IGNORECASE)
+"""A rate in the name of a file, such as ``walk.bvh_60hz.csv``."""
+
 GIT_LFS = "version https://git-lfs."
 
 NOT_TEXT = {".npz": "npz file", ".pkl": "pickle", ".pickle": "pickle", ".bag": "rosbag"}
 """Extensions of binary formats: text in such files is never a table."""
 
 
-class MotionSource:
-    """A file and options for reading it; its content is read on first use.
+class Arrays(Mapping[str, Any]):
+    """Arrays and other values of a file, by name.
 
     Raises:
-        MotionError: If there is no such file; by each property if it is damaged.
+        MotionError: By each method if a value is missing, or is not as required.
     """
 
-    def __init__(
-        self, path: Path, rate: float | None = None, topic: str | None = None
-    ) -> None:
-        self.path, self.ending = path, path.suffix.lower()
-        self.rate = rate
-        """Samples per second of a file without times, in [Hz]; None: the usual one."""
-        self.topic = topic
-        """Topic of the joints in a bag; None: the usual one."""
-        self.head = self._read(100)
-        """The first bytes."""
+    def __init__(self, values: Mapping[str, Any]) -> None:
+        self._values = values
 
-    def _read(self, size: int) -> bytes:
-        """Read the first bytes."""
-        try:
-            if not stat.S_ISREG(self.path.stat().st_mode):
-                raise MotionError(f"{self.path} is not a file.")
-            with self.path.open("rb") as file:
-                return file.read(size)
-        except (OSError, ValueError) as error:
-            problem = getattr(error, "strerror", None) or error
-            raise MotionError(f"{self.path} cannot be read: {problem}.") from error
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._values)
 
-    @cached_property
-    def data(self) -> bytes:
-        """All bytes."""
-        size = self.path.stat().st_size
-        if size > MAX_FILE_SIZE:
-            raise MotionError(
-                f"The file has {size / 1e6:.0f} MB; the limit is "
-                f"{MAX_FILE_SIZE / 1e6:.0f} MB."
-            )
-        return self._read(MAX_FILE_SIZE)
+    def __len__(self) -> int:
+        return len(self._values)
 
-    @cached_property
-    def text(self) -> str | None:
-        """All text; None if the file is not text in UTF-8."""
-        try:
-            text = self.data.decode("utf-8-sig")
-        except UnicodeDecodeError:
-            return None
-        if text.startswith(GIT_LFS):
-            raise MotionError("This is a Git LFS pointer: run git lfs pull.")
-        if self.ending in NOT_TEXT:
-            raise MotionError(f"Not a valid {NOT_TEXT[self.ending]}.")
-        return text
+    def __contains__(self, name: object) -> bool:
+        return name in self._values
 
-    @cached_property
-    def arrays(self) -> Mapping[str, Any]:
-        """Arrays of an npz or a pickled dictionary; empty for other files."""
-        if self.head.startswith(PICKLE):
-            return read_pickle(self.data)
-        if not self.head.startswith(ZIP):
-            return {}
-        try:
-            return np.load(io.BytesIO(self.data), allow_pickle=False)
-        # Any error of zipfile or numpy on a damaged file.
-        except Exception as error:
-            raise _damaged(error) from error
+    def __getitem__(self, name: str) -> Any:
+        if name not in self._values:
+            raise MotionError(f"The array {name} is missing.")
+        return self._values[name]
 
     def numbers(self, name: str, *shape: int | None) -> np.ndarray:
         """Read an array of finite numbers.
 
         Args:
-            name: One of ``arrays``.
+            name: Of the array.
             shape: Required shape; None fits any number. Without sizes, any shape fits.
         """
-        value = self._array(name)
+        value = self[name]
         fits = isinstance(value, (np.ndarray, np.generic, int, float))
         array = np.asarray(value if fits else None)
         if array.dtype.kind not in "fiu":
@@ -127,11 +114,25 @@ class MotionSource:
 
     def names(self, name: str) -> tuple[str, ...]:
         """Read a list of names."""
-        names = self._array(name)
-        is_list = isinstance(names, np.ndarray) and names.dtype.kind == "U"
-        if not is_list or names.ndim != 1 or names.size > MAX_SIZE:
+        names = self[name]
+        if isinstance(names, np.ndarray) and names.dtype.kind == "U":
+            names = names.tolist() if names.ndim == 1 else None
+        if not isinstance(names, (list, tuple)) or not all(
+            isinstance(item, str) for item in names
+        ):
             raise MotionError(f"{name} must be a list of names.")
-        return tuple(names.tolist())
+        return tuple(names)
+
+    def inside(self, name: str) -> Arrays:
+        """Return the arrays of a dictionary that has this name.
+
+        Raises:
+            MotionError: If it is none.
+        """
+        found = self[name]
+        if not isinstance(found, dict):
+            raise MotionError(f"{name} must be a dictionary of arrays.")
+        return Arrays(found)
 
     def times(self, n_samples: int) -> tuple[np.ndarray, tuple[str, ...]]:
         """Compute times from the rate ``fps``.
@@ -153,14 +154,15 @@ class MotionSource:
             )
         return np.arange(n_samples) / fps, tuple(notes)
 
-    def _array(self, name: str) -> Any:
-        """Read an array or another value."""
-        if isinstance(self.arrays, dict):
-            return self.arrays[name]
+
+class _Npz(Arrays):
+    """Arrays of an npz, read when they are asked for."""
+
+    def __getitem__(self, name: str) -> Any:
         try:
-            size = self.arrays.zip.getinfo(f"{name}.npy").file_size  # type: ignore[attr-defined]
+            size = self._values.zip.getinfo(f"{name}.npy").file_size  # type: ignore[attr-defined]
             if size <= MAX_BYTES:
-                return self.arrays[name]
+                return self._values[name]
         # Any error of zipfile or numpy on a damaged file.
         except Exception as error:
             raise _damaged(error) from error
@@ -169,5 +171,187 @@ class MotionSource:
         )
 
 
+class MotionSource:
+    """A file and options for reading it; its content is read on first use.
+
+    Raises:
+        MotionError: If there is no such file; by each property if it is damaged.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        rate: float | None = None,
+        topic: str | None = None,
+        order: str | None = None,
+    ) -> None:
+        self.path, self.name = _split(path)
+        """The file or folder, and which of its motions; None: it must have one."""
+        self.ending = self.path.suffix.lower()
+        self.rate = rate
+        """Samples per second of a file without times, in [Hz]; None: the usual one."""
+        self.topic = topic
+        """Topic of the joints in a bag; None: the usual one."""
+        self.order = order
+        """Of base quaternions where the format does not tell: xyzw or wxyz."""
+        self.is_folder = self.path.is_dir()
+        self.head = b"" if self.is_folder else self._read(100)
+        """The first bytes."""
+        self.is_zip = self.head.startswith(ZIP)
+
+    def _read(self, size: int) -> bytes:
+        """Read the first bytes."""
+        try:
+            if not stat.S_ISREG(self.path.stat().st_mode):
+                raise MotionError(f"{self.path} is not a file.")
+            with self.path.open("rb") as file:
+                return file.read(size)
+        except (OSError, ValueError) as error:
+            problem = getattr(error, "strerror", None) or error
+            raise MotionError(f"{self.path} cannot be read: {problem}.") from error
+
+    @cached_property
+    def data(self) -> bytes:
+        """All bytes."""
+        if self.is_folder:
+            return b""
+        size = self.path.stat().st_size
+        if size > MAX_FILE_SIZE:
+            raise MotionError(
+                f"The file has {size / 1e6:.0f} MB; the limit is "
+                f"{MAX_FILE_SIZE / 1e6:.0f} MB."
+            )
+        return self._read(MAX_FILE_SIZE)
+
+    @cached_property
+    def content(self) -> bytes:
+        """All bytes, decompressed if joblib compressed them."""
+        for begin, decompressor in COMPRESSED.items():
+            if self.head.startswith(begin):
+                try:
+                    return _decompressed(self.data, decompressor())
+                except (OSError, EOFError, zlib.error, lzma.LZMAError) as error:
+                    raise _damaged(error) from error
+        return self.data
+
+    @cached_property
+    def text(self) -> str | None:
+        """All text; None if the file is not text in UTF-8."""
+        if self.is_folder:
+            return None
+        try:
+            text = self.data.decode("utf-8-sig")
+        except UnicodeDecodeError:
+            return None
+        if text.startswith(GIT_LFS):
+            raise MotionError("This is a Git LFS pointer: run git lfs pull.")
+        if self.ending in NOT_TEXT:
+            raise MotionError(f"Not a valid {NOT_TEXT[self.ending]}.")
+        return text
+
+    @cached_property
+    def arrays(self) -> Arrays:
+        """Arrays of an npz or a pickled dictionary, also compressed by joblib.
+
+        That of an npy is called ``NPY``. Empty for other files.
+        """
+        content = self.content
+        if content.startswith(PICKLE):
+            return Arrays(read_pickle(content))
+        try:
+            if content.startswith(NPY_MAGIC):
+                return _npy(content)
+            if content.startswith(ZIP) and b".npy" in content:
+                return _Npz(np.load(io.BytesIO(content), allow_pickle=False))
+        except MotionError:
+            raise
+        # Any error of zipfile or numpy on a damaged file.
+        except Exception as error:
+            raise _damaged(error) from error
+        return Arrays({})
+
+    def chosen(self, names: Sequence[str]) -> str:
+        """Choose one of the motions in the file.
+
+        Args:
+            names: Of all its motions.
+
+        Raises:
+            MotionError: If none is chosen and there are several, or it has no such one.
+        """
+        if self.name in names:
+            return str(self.name)
+        if self.name is not None:
+            raise MotionError(f"There is no motion {self.name!r}; {_some(names)}.")
+        if len(names) == 1:
+            return names[0]
+        if not names:
+            raise MotionError("The file has no motions.")
+        raise MotionError(
+            f"The file has several motions: {_some(names)}. Choose one, such as "
+            f"'{self.path.name}#{names[0]}', or take --all."
+        )
+
+    def timed(self, motion: Motion, usual: float, why: str) -> Motion:
+        """Give times to the samples of a file without a rate.
+
+        Args:
+            motion: With any times.
+            usual: The rate of such files in [Hz], if neither the user nor the name of
+                the file tells it.
+            why: Whose rate that is, for the message.
+        """
+        rate, notes = self.rate, motion.notes
+        if rate is None:
+            named = RATE_IN_NAME.search(self.path.stem)
+            rate, why = (float(named[1]), "as its name says") if named else (usual, why)
+            notes = (f"The file has no times; assuming {rate:g} Hz, {why}.", *notes)
+        times = np.arange(len(motion.times)) / rate
+        return replace(motion, times=times, notes=notes, has_times=False)
+
+
+def _split(path: Path) -> tuple[Path, str | None]:
+    """Split ``FILE#NAME``, which names one of the motions in a file."""
+    text = str(path)
+    for found in re.finditer("#", text):
+        file = Path(text[: found.start()])
+        if not path.exists() and file.exists():
+            return file, text[found.end() :]
+    return path, None
+
+
+def _some(names: Sequence[str]) -> str:
+    """List the first names."""
+    more = len(names) - MAX_LISTED
+    if more <= 0:
+        return listed(names)
+    return f"{', '.join(names[:MAX_LISTED])} and {more} more"
+
+
+def _decompressed(data: bytes, decompressor: Any) -> bytes:
+    """Decompress all data, up to a limit."""
+    content: bytes = decompressor.decompress(data, MAX_CONTENT)
+    if not decompressor.eof:
+        if len(content) < MAX_CONTENT:
+            raise MotionError("The compressed file ends too early.")
+        raise MotionError(
+            f"Decompressed, the file has more than {MAX_CONTENT / 1e6:.0f} MB, the "
+            "limit."
+        )
+    return content
+
+
+def _npy(content: bytes) -> Arrays:
+    """Read an npy: an array, or a pickled dictionary."""
+    stream = io.BytesIO(content)
+    version = np.lib.format.read_magic(stream)
+    header = np.lib.format.read_array_header_1_0
+    if version != (1, 0):
+        header = np.lib.format.read_array_header_2_0
+    if header(stream)[2].hasobject:
+        return Arrays(read_pickle(content[stream.tell() :]))
+    return Arrays({NPY: np.load(io.BytesIO(content), allow_pickle=False)})
+
+
 def _damaged(error: Exception) -> MotionError:
-    return MotionError(f"The npz file cannot be read: {cause(error)}.")
+    return MotionError(f"The file cannot be read: {cause(error)}.")

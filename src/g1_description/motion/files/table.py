@@ -15,7 +15,6 @@ from __future__ import annotations
 import re
 from array import array
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -83,14 +82,14 @@ def read(source: MotionSource, robot: Description) -> Motion:
     header = [name.strip() for name in comment.split(",")]
     if TIME in header and len(header) == len(names):
         return _headed(_rows(text), above, header, robot)
-    return _headless(_rows(text), (number, len(names)), robot, source.rate)
+    return _headless(source, _rows(text), (number, len(names)), robot)
 
 
 def _headless(
+    source: MotionSource,
     rows: Iterator[tuple[int, str]],
     first: tuple[int, int],
     robot: Description,
-    rate: float | None,
 ) -> Motion:
     """Read a table without a header, whose first line has this number and width."""
     number, width = first
@@ -102,13 +101,10 @@ def _headless(
     values = _numbers(rows, width)
     base, positions = values[:, : len(BASE)], values[:, len(BASE) :]
     joints, notes = names_of_columns(positions, robot)
-    times = np.arange(len(values)) / (rate or DEFAULT_RATE)
-    trajectory = Motion(times, joints, positions, base_poses=base)
-    trajectory, more = w_last(trajectory, robot)
-    notes = (*notes, *more)
-    if not rate:
-        notes = (f"The file has no times; assuming {DEFAULT_RATE:g} Hz.", *notes)
-    return replace(trajectory, notes=notes, has_times=False)
+    times = np.arange(len(values), dtype=float)
+    motion = Motion(times, joints, positions, base_poses=base, notes=notes)
+    motion = w_last(motion, robot, source.order)
+    return source.timed(motion, DEFAULT_RATE, "the rate of the LAFAN1 set")
 
 
 def _headed(
