@@ -23,7 +23,7 @@ SHORTEST_FLIGHT = 0.1
 """Shorter times in the air are not checked, in [s]: noise hides the acceleration."""
 
 
-def _slides(measured: Measured) -> np.ndarray:
+def slides(measured: Measured) -> np.ndarray:
     """Compute the speeds of sliding links in [m/s], NaN for others, shape (n, k)."""
     is_unknown = measured.once(near_jumps).body
     ground = measured.robot.ground
@@ -39,7 +39,7 @@ def _ground(measured: Measured) -> GroundFrames:
 def _penetrations(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
     """Find links in the floor."""
     frames = _ground(measured)
-    is_low = frames.in_contact | ~np.isnan(measured.once(_slides))
+    is_low = frames.in_contact | ~np.isnan(measured.once(slides))
     for column in np.flatnonzero(is_low.any(axis=0)).tolist():
         link, points = measured.ground_links[column], frames.lowest[:, column]
         text = f"{link} penetrates the floor by {{worst:.4g}} m{{when}}"
@@ -49,14 +49,14 @@ def _penetrations(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
 
 def _skating(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
     """Find links that slide on the floor."""
-    slides = measured.once(_slides)
-    for column in rule.columns(measured, slides):
+    speeds = measured.once(slides)
+    for column in rule.columns(measured, speeds):
         link, points = (
             measured.ground_links[column],
             _ground(measured).lowest[:, column],
         )
         text = f"{link} slides on the floor at {{worst:.4g}} m/s{{when}}"
-        yield rule.compared(measured, (link,), slides[:, column], text, points=points)
+        yield rule.compared(measured, (link,), speeds[:, column], text, points=points)
 
 
 def _floating(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
