@@ -47,6 +47,7 @@ from g1_description.text import listed, similar_first
 
 if TYPE_CHECKING:
     from g1_description.checks.checker import Checker
+    from g1_description.checks.comparison import Comparison
     from g1_description.checks.verdict import Verdict
     from g1_description.collisions.self_collisions import Contacts, SelfCollisions
 
@@ -393,11 +394,36 @@ class Robot:
             G1DescriptionError: If the motion does not fit the robot, or a check or
                 threshold is unknown.
         """
-        if not isinstance(motion, Motion):
-            motion = self.read_motion(motion)
-        motion = fitted(motion, self.description)
         checker = self.checker(thresholds, fixed_base)
-        return checker.check(motion, _names(only))
+        return checker.check(self._fitted(motion), _names(only))
+
+    def compare(
+        self,
+        reference: Motion | str | PathLike[str],
+        executed: Motion | str | PathLike[str],
+        shift: float | None = None,
+    ) -> Comparison:
+        """Compare an executed motion with its reference.
+
+        Args:
+            reference: The motion that was to be executed, or its file.
+            executed: What was measured, or its file.
+            shift: Time of the executed motion minus that of the reference, in [s];
+                None: the one with the smallest rms error of the joints.
+
+        Raises:
+            G1DescriptionError: If they do not fit the robot, or have nothing in common.
+        """
+        from g1_description.checks.comparison import compare
+
+        motions = self._fitted(reference), self._fitted(executed)
+        return compare(self.checker(), *motions, shift)
+
+    def _fitted(self, motion: Motion | str | PathLike[str]) -> Motion:
+        """Return the motion, or that of a file, with the joints of this robot."""
+        if not isinstance(motion, Motion):
+            return self.read_motion(motion)
+        return fitted(motion, self.description)
 
     def check_state(
         self,

@@ -36,10 +36,15 @@ from g1_description.checks.report_page import write_page
 from g1_description.checks.rules import RULES
 from g1_description.checks.verdict import FAILED
 from g1_description.cli import options
+from g1_description.cli.compare import (
+    comparisons,
+    comparisons_json,
+    print_comparisons,
+)
 from g1_description.cli.motion_paths import MotionFiles, motion_files, picture_names
 from g1_description.cli.start import INTERRUPTED
 from g1_description.collisions.find_pairs import collisions_of
-from g1_description.command_line import argument, option, parse, say, within
+from g1_description.command_line import argument, number, option, parse, say, within
 from g1_description.errors import ClusterError, G1DescriptionError, InvalidValueError
 from g1_description.files.atomic import whole_file, write_whole
 from g1_description.ros.lifecycle import own_arguments
@@ -145,6 +150,20 @@ class CheckOptions:
     html: Path | None = option(
         "write a page with all findings and plots", None, Path, metavar="FILE"
     )
+    against: Path | None = option(
+        "compare with this reference, or with those of the same names in this folder",
+        None,
+        Path,
+        metavar="REFERENCE",
+        see="[executed motions](checks.md#executed-motions)",
+    )
+    shift: float | None = option(
+        "time of the executed motion minus that of the reference in s, for --against",
+        None,
+        number,
+        metavar="SECONDS",
+        shown="found",
+    )
     quiet: bool = option("print only the last line, with the counts", False)
     jobs: int = option(
         "number of worker processes", 1, within(1, 256, int), metavar="N"
@@ -172,6 +191,10 @@ class CheckOptions:
             file = getattr(self, name)
             if file not in (None, STDOUT) and Path(file).suffix.lower() != ending:
                 raise InvalidValueError(f"--{name} must end in {ending} (got {file})")
+        others = {"csv": self.csv, "plot": self.plot, "html": self.html}
+        unfit = [f"--{name}" for name, value in others.items() if value is not None]
+        if self.against is not None and unfit:
+            raise InvalidValueError(f"--against cannot write {listed(unfit)}")
         if self.json == self.csv == STDOUT:
             raise InvalidValueError("--json and --csv cannot both write to stdout")
 
@@ -327,9 +350,9 @@ class Results:
     def close(self) -> None:
         """Print outcomes that waited for unfinished files."""
         self._bar.close()
-        for number in sorted(self.outcomes):
-            if number > self._next:
-                self._show(number)
+        for done in sorted(self.outcomes):
+            if done > self._next:
+                self._show(done)
 
     @property
     def n_missing(self) -> int:
@@ -361,6 +384,8 @@ def check(args: CheckOptions) -> int:
         KeyboardInterrupt: If it is interrupted before the first outcome.
     """
     files = motion_files(args.files)
+    if args.against is not None:
+        return _compare(args, files, args.against)
     reports = Reports(args, files.tasks)
     checker = file_checker(args)
     is_free = STDOUT not in (args.json, args.csv)
@@ -386,6 +411,18 @@ def check(args: CheckOptions) -> int:
         return code
     code = exit_code(results.outcomes.values(), files.named)
     return code or (MISUSE if reports.problems else 0)
+
+
+def _compare(args: CheckOptions, files: MotionFiles, against: Path) -> int:
+    """Compare motions with their references; return the exit code."""
+    if args.json not in (None, STDOUT):
+        check_place(Path(str(args.json)))
+    found = [*comparisons(file_checker(args), files, against, args.shift)]
+    if args.json != STDOUT:
+        print_comparisons(found)
+    if args.json:
+        _write(args.json, comparisons_json(found))
+    return MISUSE if any(isinstance(result, str) for _, result in found) else 0
 
 
 def file_checker(args: CheckOptions) -> FileChecker:

@@ -1,0 +1,61 @@
+"""What check --against prints and writes."""
+
+import json
+import re
+from dataclasses import replace
+
+import pytest
+
+pytest.importorskip("rospy", reason="rospy is not installed")
+
+from checked import POST, post_motion
+
+from g1_description.cli import check
+from g1_description.cli.check import MISUSE, CheckOptions
+from g1_description.command_line import parse
+from g1_description.motion.files import table
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """Give a folder with a reference and an execution that is 0.2 s late."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "post.urdf").write_text(POST)
+    for name in ("wanted", "runs"):
+        (tmp_path / name).mkdir()
+    motion = post_motion()
+    late = replace(motion, times=motion.times + 0.2, positions=motion.positions + 0.01)
+    for file, each in (("wanted/a", motion), ("runs/a", late), ("runs/b", late)):
+        (tmp_path / f"{file}.csv").write_bytes(table.write(each, None, None)[0])
+    return tmp_path
+
+
+def run(*words):
+    return check.check(parse(CheckOptions, "check", [*words], MISUSE))
+
+
+def test_one_execution_is_compared_in_full(folder, capsys):
+    words = ["--model", "post.urdf", "--against", "wanted/a.csv"]
+    assert run(*words, "runs/a.csv", "--shift", "0.2") == 0
+    output = capsys.readouterr().out
+    assert "runs/a.csv: 1 joints compared for 1.00 s, shifted by +0.200 s" in output
+    assert re.search(r"arm_joint +0\.0100 +0\.0100", output)
+
+
+def test_folders_are_compared_by_name_in_a_table_and_as_json(folder, capsys):
+    words = ["--model", "post.urdf", "--against", "wanted", "runs", "--json"]
+    assert run(*words, "-") == MISUSE
+    a, b = json.loads(capsys.readouterr().out)
+    assert a["shift"] == pytest.approx(0.2, abs=0.02)
+    assert a["joints"]["arm_joint"]["rms"] == pytest.approx(0.01, rel=0.2)
+    assert b == {"file": "runs/b.csv", "problem": "there is no b.* in wanted"}
+    assert run(*words, "out.json") == MISUSE
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[1].split()[:2] == ["runs/a.csv", f"{a['shift']:+.3f}"]
+    assert "there is no b.*" in lines[2]
+
+
+def test_other_reports_are_refused(folder):
+    with pytest.raises(SystemExit) as end:
+        run("--against", "wanted", "runs", "--html", "x.html")
+    assert end.value.code == MISUSE
