@@ -17,7 +17,21 @@ from typing import Callable, Union
 
 from g1_description.errors import InvalidValueError, MotionError
 from g1_description.files.atomic import write_whole
-from g1_description.motion.files import bag, beyond_mimic, gmr, table, trajectory_yaml
+from g1_description.motion.files import (
+    bag,
+    beyond_mimic,
+    bones_seed,
+    gmr,
+    hdmi,
+    holomotion,
+    isaac_amp,
+    npy_table,
+    pyroki,
+    qpos,
+    sonic,
+    table,
+    trajectory_yaml,
+)
 from g1_description.motion.files.conventions import check_radians
 from g1_description.motion.files.source import MAX_FILE_SIZE, MotionSource
 from g1_description.motion.motion import Motion, fitted
@@ -29,8 +43,16 @@ Content = Union[bytes, Mapping[str, bytes]]
 
 FORMATS: Mapping[str, ModuleType] = {
     "bag": bag,
+    "qpos": qpos,
+    "hdmi": hdmi,
     "tracking": beyond_mimic,
+    "isaac_amp": isaac_amp,
+    "holomotion": holomotion,
+    "pyroki": pyroki,
+    "npy": npy_table,
     "gmr": gmr,
+    "bones_seed": bones_seed,
+    "sonic": sonic,
     "trajectory": trajectory_yaml,
     "table": table,
 }
@@ -59,6 +81,14 @@ class Writer:
 WRITERS: Mapping[str, Writer] = {
     "csv": Writer(".csv", table.write),
     "npz": Writer(".npz", beyond_mimic.write),
+    "lafan1": Writer(".csv", table.write_lafan1),
+    "kimodo": Writer(".csv", table.write_kimodo),
+    "bones_seed": Writer(".csv", bones_seed.write),
+    "sonic": Writer("", sonic.write),
+    "mjlab": Writer(".npz", beyond_mimic.write_mjlab),
+    "whole_body_tracking": Writer(".npz", beyond_mimic.write_whole_body_tracking),
+    "qpos": Writer(".npz", qpos.write),
+    "holomotion": Writer(".npz", holomotion.write),
 }
 """Formats that can be written, by name. The first one of an extension is its usual
 one."""

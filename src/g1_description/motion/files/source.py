@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bz2
 import io
+import json
 import lzma
 import re
 import stat
@@ -134,22 +135,28 @@ class Arrays(Mapping[str, Any]):
             raise MotionError(f"{name} must be a dictionary of arrays.")
         return Arrays(found)
 
-    def times(self, n_samples: int) -> tuple[np.ndarray, tuple[str, ...]]:
-        """Compute times from the rate ``fps``.
+    def times(
+        self, n_samples: int, name: str = "fps"
+    ) -> tuple[np.ndarray, tuple[str, ...]]:
+        """Compute times from a rate.
+
+        Args:
+            n_samples: Number of samples.
+            name: Of the rate.
 
         Returns:
             Times in [s], shape (n_samples,), and a message if the rate is doubtful.
         """
-        rate = self.numbers("fps").ravel()
+        rate = self.numbers(name).ravel()
         if rate.size != 1 or not 0.0 < rate[0] < 1e6:
             raise MotionError(
-                f"fps must be one number greater than 0 (got {rate[:3].tolist()})."
+                f"{name} must be one number greater than 0 (got {rate[:3].tolist()})."
             )
         fps, notes = rate[0], []
         if fps < 1.0 and n_samples > 1:
             notes.append(
-                f"fps is {fps:.6g}, i.e. one sample every {1.0 / fps:.6g} s. If "
-                f"{fps:.6g} is the sample period in seconds, set fps to "
+                f"{name} is {fps:.6g}, i.e. one sample every {1.0 / fps:.6g} s. If "
+                f"{fps:.6g} is the sample period in seconds, set {name} to "
                 f"{1.0 / fps:.6g}."
             )
         return np.arange(n_samples) / fps, tuple(notes)
@@ -308,6 +315,25 @@ class MotionSource:
             notes = (f"The file has no times; assuming {rate:g} Hz, {why}.", *notes)
         times = np.arange(len(motion.times)) / rate
         return replace(motion, times=times, notes=notes, has_times=False)
+
+
+def parsed(text: str | None, what: str) -> Arrays:
+    """Read a dictionary in JSON.
+
+    Args:
+        text: The text; None: there is none.
+        what: What it is, for the message.
+
+    Raises:
+        MotionError: If it is none.
+    """
+    try:
+        found = json.loads(text or "")
+    except (ValueError, RecursionError) as error:
+        raise MotionError(f"{what} is not valid JSON: {cause(error)}.") from error
+    if not isinstance(found, dict):
+        raise MotionError(f"{what} must be a dictionary.")
+    return Arrays(found)
 
 
 def _split(path: Path) -> tuple[Path, str | None]:
