@@ -25,20 +25,21 @@ READ = (
     *("trap_yaw90_xyzw.csv", "trap_yaw90_wxyz.csv", "trap_lying_wxyz.csv"),
     *("trap_23_unitree.csv", "trap_23_asap.csv", "gmr.pkl", "gmr_dataset.pkl"),
     *("twist2.pkl", "gmt_23.pkl", "g1_moves.pkl", "trap_gmr_wxyz.pkl"),
+    *("sonic_deploy.pkl", "asap.pkl", "pbhc.pkl", "trap_library_no_fps.pkl"),
+    *("trap_no_fps.npz", "mimickit.pkl", "phuma.npy", "protomotions.motion"),
+    *("beyondmimic_mjlab.onnx", "beyondmimic_isaac.onnx", "keyframes.xml"),
     *("wbt_isaac.npz", "mjlab.npz", "unitree_rl_lab_23.npz"),
 )
 REFUSED = (
     *("trap_27.csv", "trap_degrees.csv", "trap_31.csv", "bones_seed.csv"),
     *("soma_retargeter.csv", "trap_bones_radians.csv", "trap_x2_columns.csv"),
-    *("sonic_deploy.pkl", "sonic/M_ShortMove13_001__A000", "sonic_root_only/minimal"),
-    *("sonic_motion_lib.pkl", "asap.pkl", "pbhc.pkl", "pbhc_two.pkl"),
-    *("trap_library_no_fps.pkl", "trap_no_fps.npz", "mimickit.pkl", "phuma.npy"),
+    *("sonic/M_ShortMove13_001__A000", "sonic_root_only/minimal"),
+    *("sonic_motion_lib.pkl", "pbhc_two.pkl", "protomotions_lib.pt"),
     *("0005_Walking001_poses_120_jpos.npy", "holosoma.npz", "omniretarget.npz"),
     *("omniretarget_object.npz", "holosoma_retargeted.npz", "trap_fps_is_dt.npz"),
     *("any4hdmi/motions/M_ShortMove13.npz", "humanoid_amp.npz"),
     *("hdmi/M_ShortMove13", "holomotion_legacy.npz", "holomotion.npz", "pyroki.npz"),
-    *("loco_mujoco.npz", "protomotions.motion", "protomotions_lib.pt"),
-    *("beyondmimic_mjlab.onnx", "beyondmimic_isaac.onnx", "keyframes.xml"),
+    "loco_mujoco.npz",
 )
 TOLD = {
     "order cannot be told": "Cannot tell the quaternion order of the base",
