@@ -20,11 +20,11 @@ from g1_description.errors import MotionError
 from g1_description.motion.files.conventions import names_of_columns, of_robot, w_last
 from g1_description.motion.files.pickles import pickled
 from g1_description.motion.files.source import Arrays, MotionSource
-from g1_description.motion.files.writing import even, number, whole
+from g1_description.motion.files.writing import BATCH, even, number, whole
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.robot.kinematics import Kinematics
-from g1_description.robot.rotation import IDENTITY
+from g1_description.robot.rotation import IDENTITY, rotate
 
 ENDINGS = (".pkl", ".pickle", ".npz")
 
@@ -32,6 +32,14 @@ ARRAYS = ("root_pos", "root_rot", "dof_pos")
 """Places and quaternions of the base, and positions of the joints."""
 
 NAMES = ("joint_names", "dof_names")
+
+MARKERS = {
+    "left_toe_link": ("left_ankle_roll_link", (0.1, 0.0, -0.02)),
+    "right_toe_link": ("right_ankle_roll_link", (0.1, 0.0, -0.02)),
+    "head_mocap": ("torso_link", (0.0, 0.0, 0.4)),
+}
+"""Points that GMR's model of the G1 has as bodies, for which TWIST asks: the link and
+the place on it in [m]."""
 
 DEFAULT_RATE = 30.0
 """Of files without ``fps``, in [Hz]."""
@@ -117,15 +125,41 @@ def write(
         notes = (*notes, WITHOUT_VELOCITIES)
     base = found.base_poses
     assert base is not None
-    still = np.tile([0.0, 0.0, 0.0, *IDENTITY], (len(base), 1))
-    positions = of_robot(found.joint_names, found.positions, robot)
-    places = Kinematics(robot).link_poses(still, positions)[..., :3]
+    links, places = _local_bodies(found, robot)
     content = {
         "fps": number(fps),
         "root_pos": base[:, :3],
         "root_rot": base[:, 3:],
         "dof_pos": found.positions,
-        "local_body_pos": places.astype(np.float32),
-        "link_body_list": list(robot.link_names),
+        "local_body_pos": places,
+        "link_body_list": links,
     }
     return pickled(content), notes
+
+
+def _local_bodies(motion: Motion, robot: Description) -> tuple[list[str], np.ndarray]:
+    """Place links and ``MARKERS`` relative to a root at the origin without turn.
+
+    Returns:
+        Their names, and places in [m] as float32, shape (n_samples, n_bodies, 3).
+    """
+    links = list(robot.link_names)
+    markers = {
+        name: marker
+        for name, marker in MARKERS.items()
+        if name not in links and marker[0] in links
+    }
+    rows = [links.index(parent) for parent, _ in markers.values()]
+    offsets = np.reshape([offset for _, offset in markers.values()], (-1, 3))
+    positions = of_robot(motion.joint_names, motion.positions, robot)
+    kinematics = Kinematics(robot)
+    n_samples = len(positions)
+    places = np.empty((n_samples, len(links) + len(markers), 3), np.float32)
+    for begin in range(0, n_samples, BATCH):
+        part = slice(begin, begin + BATCH)
+        still = np.tile([0.0, 0.0, 0.0, *IDENTITY], (len(positions[part]), 1))
+        poses = kinematics.link_poses(still, positions[part])
+        places[part, : len(links)] = poses[..., :3]
+        turned = rotate(poses[:, rows, 3:], offsets)
+        places[part, len(links) :] = poses[:, rows, :3] + turned
+    return [*links, *markers], places

@@ -166,6 +166,7 @@ class Unpickler(pickle._Unpickler):  # type: ignore[name-defined, misc]
             "numpy.ndarray": lambda: Array(),
             "numpy.dtype": lambda name, *_: Dtype(name),
             "collections.OrderedDict": lambda: {},
+            "__builtin__.bytes": lambda: b"",  # without bytes, in protocol 2
             "_codecs.encode": self._encoded,
             "joblib.numpy_pickle.NumpyArrayWrapper": lambda *_: _JoblibArray(),
         }
