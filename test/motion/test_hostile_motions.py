@@ -227,6 +227,10 @@ HOSTILE = {
         lambda: wrapper(b"".join(whole_number(2**2000) for _ in range(100_000))),
         "impossible shape",
     ),
+    "many axes": (
+        lambda: wrapper(whole_number(200) * 300_000),
+        "ends within an array",
+    ),
     "long shape": (
         lambda: wrapper(text("9" * 20_000_000)),
         "impossible shape",
