@@ -33,6 +33,7 @@ from g1_description.motion.files import (
     trajectory_yaml,
 )
 from g1_description.motion.files.conventions import check_radians
+from g1_description.motion.files.hints import hints
 from g1_description.motion.files.source import MAX_FILE_SIZE, MotionSource
 from g1_description.motion.motion import Motion, fitted
 from g1_description.robot.description import Description
@@ -58,6 +59,9 @@ FORMATS: Mapping[str, ModuleType] = {
 }
 """Formats by name. The first one that recognises a file reads it; a table is any other
 text."""
+
+ORDER_OPEN = (table, npy_table, gmr)
+"""Formats of which publishers disagree on the order of quaternions."""
 
 ENDINGS = tuple(
     sorted({ending for module in FORMATS.values() for ending in module.ENDINGS})
@@ -123,6 +127,9 @@ def read_motion(
     try:
         module = _format(source, name)
         motion = module.read(source, robot)
+        if order is not None and module not in ORDER_OPEN:
+            ignored = "The format has one order of quaternions: --order is ignored."
+            motion = replace(motion, notes=(*motion.notes, ignored))
         if rate is not None and motion.has_times:
             ignored = f"the rate of {rate:g} Hz is ignored"
             notes = (*motion.notes, f"The file has its own times: {ignored}.")
@@ -130,6 +137,7 @@ def read_motion(
         motion = fitted(motion, robot)
         if module is not bag:  # ROS uses radians
             check_radians(motion, robot)
+            motion = replace(motion, notes=(*motion.notes, *hints(motion, robot)))
     except MotionError as error:
         raise type(error)(f"{path.name}: {error}") from error
     return motion
@@ -144,6 +152,12 @@ def motion_names(path: Path) -> Sequence[str]:
     source = MotionSource(path)
     module = _format(source)
     return module.names(source) if hasattr(module, "names") else ()
+
+
+def is_motion(folder: Path) -> bool:
+    """Return whether a folder is one motion, as of SONIC and HDMI."""
+    source = MotionSource(folder)
+    return any(module.recognise(source) for module in FORMATS.values())
 
 
 def _format(source: MotionSource, name: str | None = None) -> ModuleType:
@@ -173,7 +187,8 @@ def _problem(source: MotionSource) -> str:
     names = list(map(str, source.arrays))
     if names:
         found = listed(names)
-        for arrays in (beyond_mimic.ARRAYS, gmr.ARRAYS):
+        for module in FORMATS.values():
+            arrays = getattr(module, "ARRAYS", ())
             missing = [name for name in arrays if name not in names]
             if len(missing) == 1:
                 return f"The array {missing[0]} is missing; the file has {found}."
