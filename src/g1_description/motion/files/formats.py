@@ -154,7 +154,14 @@ def motion_names(path: Path) -> Sequence[str]:
     return module.names(source) if hasattr(module, "names") else ()
 
 
-def is_motion(folder: Path) -> bool:
+def has_neighbours(source: MotionSource) -> bool:
+    """Return whether a motion is in several files, as of HDMI and any4hdmi."""
+    if not source.is_zip:
+        return source.is_folder
+    return hdmi.recognise(source) or qpos.manifest_of(source) is not None
+
+
+def is_motion_folder(folder: Path) -> bool:
     """Return whether a folder is one motion, as of SONIC and HDMI."""
     source = MotionSource(folder)
     return any(module.recognise(source) for module in FORMATS.values())
