@@ -8,10 +8,20 @@ import pytest
 from conftest import REPOSITORY, VENDOR
 from scipy.spatial.transform import Rotation
 
+from g1_description import Robot
+from g1_description.checks.batch import FileChecker
+from g1_description.cli.check import CheckOptions
 from g1_description.cli.motion_paths import motion_files, picture_names
+from g1_description.cli.play import PlayOptions
+from g1_description.command_line import parse
 from g1_description.errors import InvalidValueError, MotionError
 from g1_description.motion.files.conventions import G1_JOINTS, ISAAC_JOINTS
-from g1_description.motion.files.formats import motion_names, read_motion
+from g1_description.motion.files.formats import (
+    has_neighbours,
+    motion_names,
+    read_motion,
+)
+from g1_description.motion.files.source import MotionSource
 from g1_description.robot.load import read_model
 
 JOINTS = G1_JOINTS[29]
@@ -381,6 +391,111 @@ def test_an_option_that_decides_nothing_is_told(g1, file):
         read_motion(path, g1, name="holomotion")
     with pytest.raises(MotionError, match="There is no format 'mp3'; formats: bag, "):
         read_motion(path, g1, name="mp3")
+
+
+def lying():
+    """Write a table of a robot that lies: its order is open."""
+    base = configurations()[:, [0, 1, 2, 4, 5, 6, 3, *range(7, 36)]]
+    base[:, 2] = 0.1
+    base[:, 3:7] = Rotation.from_euler("x", -90.0, degrees=True).as_quat()
+    return "\n".join(",".join(map(repr, row)) for row in base.tolist())
+
+
+def test_the_order_that_the_user_tells_counts_everywhere(file):
+    path = file(lying(), "lying.csv")
+    robot = Robot()
+    with pytest.raises(MotionError, match="--order xyzw or --order wxyz"):
+        robot.read_motion(path)
+    with pytest.raises(MotionError, match=r"must be xyzw or wxyz .got 'zyxw'"):
+        robot.read_motion(path, order="zyxw")
+    wanted = robot.read_motion(path, order="xyzw", format="table")
+    half = 0.5**0.5
+    assert wanted.base_poses[0, 3:].tolist() == pytest.approx([-half, 0.0, 0.0, half])
+    turned = robot.read_motion(path, order="wxyz")
+    assert turned.base_poses[0, 6] == wanted.base_poses[0, 3]
+    checked = FileChecker(robot.checker(), order="xyzw")
+    found = checked.read("lying.csv", path.read_bytes())
+    np.testing.assert_array_equal(found.base_poses, wanted.base_poses)
+    assert "--order" in FileChecker(robot.checker()).read("lying.csv", path).problem
+
+
+@pytest.mark.parametrize(
+    "options, command", [(CheckOptions, "check"), (PlayOptions, "play")]
+)
+def test_unknown_orders_and_formats_are_told(capsys, options, command):
+    for words, sentence in (
+        (["--format", "qpso"], "unknown format 'qpso'; formats: qpos, "),
+        (["--order", "zyxw"], "invalid choice: 'zyxw' (choose from 'xyzw', 'wxyz')"),
+    ):
+        with pytest.raises(SystemExit):
+            parse(options, command, ["a.csv", *words])
+        assert sentence in capsys.readouterr().err
+    assert parse(options, command, ["a.csv", "--format", "qpos"]).format == "qpos"
+
+
+def test_neighbours_of_a_file_are_read_where_it_is(tmp_path, file):
+    """A cluster's worker gets bytes, in which names and rate are missing."""
+    (tmp_path / "a").mkdir()
+    for path in (
+        write_any4hdmi(tmp_path / "a"),
+        write_hdmi(tmp_path / "b") / "motion.npz",
+        write_sonic(tmp_path / "c"),
+    ):
+        assert has_neighbours(MotionSource(path))
+    for content in (npz(qpos=configurations(), fps=30), lying()):
+        assert not has_neighbours(MotionSource(file(content)))
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        lambda: npz(qpos=configurations(), fps=30),
+        lambda: loco_mujoco([0, 3, N]),
+        amp,
+        lambda: holomotion("ref_"),
+        lambda: table(seed_columns()).encode(),
+    ],
+)
+def test_a_damaged_file_is_read_or_refused_with_a_sentence(g1, file, content):
+    whole, random, refused = content(), np.random.default_rng(5), 0
+    for _ in range(100):
+        data = bytearray(whole[: random.integers(1, len(whole) + 1)])
+        for _ in range(random.integers(0, 4)):
+            data[random.integers(len(data))] = random.integers(256)
+        try:
+            read_motion(file(bytes(data)), g1)
+        except MotionError as error:
+            assert str(error).endswith(".")
+            refused += 1
+    assert refused > 40
+
+
+@pytest.mark.parametrize(
+    "arrays",
+    [
+        {"qpos": np.zeros(36)},
+        {"qpos": np.zeros((N, 3))},
+        {"qpos": np.zeros((0, 36)), "fps": 30},
+        {"qpos": configurations(), "fps": 0},
+        {"qpos": configurations(), "fps": 30, "joint_names": np.zeros(29)},
+        {"qpos": configurations(), "fps": 30, "joint_names": np.array(["a"] * 40)},
+        {"qpos": configurations(), "split_points": np.zeros((2, 2)), "fps": 30},
+        {"qpos": configurations(), "qvel": np.zeros((1, 35)), "fps": 30},
+        {"joint_pos": np.zeros(3), "joint_names": np.array(["a"]), "body_names": "a"},
+        {"metadata": "x", "ref_dof_pos": 1.0, "ref_global_translation": 1.0},
+        {
+            "metadata": "{}",
+            "ref_dof_pos": np.zeros((N, 29)),
+            "ref_global_translation": np.zeros((N, 0, 3)),
+            "ref_global_rotation_quat": np.zeros((N, 4)),
+        },
+        {"base_frame_pos": 1.0, "base_frame_wxyz": 1.0, "joint_angles": np.zeros(3)},
+        {"dof_names": 1, "body_names": 1, "dof_positions": 1, "body_positions": 1},
+    ],
+)
+def test_arrays_of_wrong_shapes_are_told(g1, file, arrays):
+    with pytest.raises(MotionError, match=r"^motion: .*\.$"):
+        read_motion(file(npz(**arrays)), g1)
 
 
 def changed(*joints, value):
