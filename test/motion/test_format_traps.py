@@ -10,10 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from g1_description import Robot
 from g1_description.checks.batch import FileChecker
-from g1_description.cli.check import CheckOptions
 from g1_description.cli.motion_paths import motion_files, picture_names
-from g1_description.cli.play import PlayOptions
-from g1_description.command_line import parse
 from g1_description.errors import InvalidValueError, MotionError
 from g1_description.motion.files.conventions import G1_JOINTS, ISAAC_JOINTS
 from g1_description.motion.files.formats import (
@@ -417,20 +414,6 @@ def test_the_order_that_the_user_tells_counts_everywhere(file):
     found = checked.read("lying.csv", path.read_bytes())
     np.testing.assert_array_equal(found.base_poses, wanted.base_poses)
     assert "--order" in FileChecker(robot.checker()).read("lying.csv", path).problem
-
-
-@pytest.mark.parametrize(
-    "options, command", [(CheckOptions, "check"), (PlayOptions, "play")]
-)
-def test_unknown_orders_and_formats_are_told(capsys, options, command):
-    for words, sentence in (
-        (["--format", "qpso"], "unknown format 'qpso'; formats: qpos, "),
-        (["--order", "zyxw"], "invalid choice: 'zyxw' (choose from 'xyzw', 'wxyz')"),
-    ):
-        with pytest.raises(SystemExit):
-            parse(options, command, ["a.csv", *words])
-        assert sentence in capsys.readouterr().err
-    assert parse(options, command, ["a.csv", "--format", "qpos"]).format == "qpos"
 
 
 def test_neighbours_of_a_file_are_read_where_it_is(tmp_path, file):
