@@ -9,11 +9,11 @@ these extensions.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import ModuleType
-from typing import Callable, Union
+from typing import Callable, Mapping, Union
 
 from g1_description.errors import InvalidValueError, MotionError
 from g1_description.files.atomic import write_whole
@@ -42,6 +42,7 @@ from g1_description.motion.files import (
     trajectory_yaml,
 )
 from g1_description.motion.files.conventions import check_radians
+from g1_description.motion.files.hints import hints
 from g1_description.motion.files.source import MAX_FILE_SIZE, MotionSource
 from g1_description.motion.motion import Motion, fitted
 from g1_description.robot.description import Description
@@ -76,6 +77,9 @@ FORMATS: Mapping[str, ModuleType] = {
 }
 """Formats by name. The first one that recognises a file reads it; a table is any other
 text."""
+
+ORDER_OPEN = (table, npy_table, gmr)
+"""Formats of which publishers disagree on the order of quaternions."""
 
 ENDINGS = tuple(
     sorted({ending for module in FORMATS.values() for ending in module.ENDINGS})
@@ -145,6 +149,9 @@ def read_motion(
         if source.name is not None and not _names(module, source):
             raise MotionError("The file has no motions with names.")
         motion = module.read(source, robot)
+        if order is not None and module not in ORDER_OPEN:
+            ignored = "The format has one order of quaternions: --order is ignored."
+            motion = replace(motion, notes=(*motion.notes, ignored))
         if rate is not None and motion.has_times:
             ignored = f"the rate of {rate:g} Hz is ignored"
             notes = (*motion.notes, f"The file has its own times: {ignored}.")
@@ -152,6 +159,7 @@ def read_motion(
         motion = fitted(motion, robot)
         if module is not bag:  # ROS uses radians
             check_radians(motion, robot)
+            motion = replace(motion, notes=(*motion.notes, *hints(motion, robot)))
     except MotionError as error:
         raise type(error)(f"{path.name}: {error}") from error
     return motion
@@ -171,6 +179,19 @@ def _names(module: ModuleType, source: MotionSource) -> Sequence[str]:
     """List the names of the motions in a file; empty if they have none."""
     names: Sequence[str] = module.names(source) if hasattr(module, "names") else ()
     return names
+
+
+def has_neighbours(source: MotionSource) -> bool:
+    """Return whether a motion is in several files, as of HDMI and any4hdmi."""
+    if not source.is_zip:
+        return source.is_folder
+    return hdmi.recognise(source) or qpos.manifest_of(source) is not None
+
+
+def is_motion_folder(folder: Path) -> bool:
+    """Return whether a folder is one motion, as of SONIC and HDMI."""
+    source = MotionSource(folder)
+    return any(module.recognise(source) for module in FORMATS.values())
 
 
 def _format(source: MotionSource, name: str | None = None) -> ModuleType:
@@ -200,7 +221,8 @@ def _problem(source: MotionSource) -> str:
     names = list(map(str, source.arrays))
     if names:
         found = listed(names)
-        for arrays in (beyond_mimic.ARRAYS, gmr.ARRAYS):
+        for module in FORMATS.values():
+            arrays = getattr(module, "ARRAYS", ())
             missing = [name for name in arrays if name not in names]
             if len(missing) == 1:
                 return f"The array {missing[0]} is missing; the file has {found}."

@@ -6,6 +6,8 @@ neither names nor a rate, which is at most in the file's name (``_120_jpos.npy``
 
 from __future__ import annotations
 
+import numpy as np
+
 from g1_description.errors import MotionError
 from g1_description.motion.files import table
 from g1_description.motion.files.source import NPY, MotionSource
@@ -19,8 +21,8 @@ USUAL_RATE = 120.0
 
 
 def recognise(source: MotionSource) -> bool:
-    """Return whether a file is a numeric npy."""
-    return [*source.arrays] == [NPY]
+    """Return whether a file is a numeric npy with rows."""
+    return [*source.arrays] == [NPY] and np.ndim(source.arrays[NPY]) == 2
 
 
 def read(source: MotionSource, robot: Description) -> Motion:

@@ -87,7 +87,8 @@ def read(source: MotionSource, robot: Description) -> Motion:
     if several or source.name is not None:
         part = _part(arrays, int(source.chosen(several)), len(rows))
         rows, speeds = rows[part], None if speeds is None else speeds[part]
-    manifest = _manifest(source)
+    path = manifest_of(source)
+    manifest = None if path is None else parsed(MotionSource(path).text, MANIFEST)
     base, rest, notes = _split(rows)
     joints, of_joints = _joints(arrays, manifest, rest, robot)
     n_joints = len(joints)
@@ -127,15 +128,13 @@ def _part(arrays: Arrays, which: int, n_samples: int) -> slice:
     return slice(begin, end)
 
 
-def _manifest(source: MotionSource) -> Arrays | None:
-    """Read the manifest of a folder of any4hdmi, if there is one above the file."""
+def manifest_of(source: MotionSource) -> Path | None:
+    """Find the manifest of a folder of any4hdmi, if there is one above the file."""
     if [*source.arrays] != [QPOS]:
         return None
-    for folder in [*source.path.absolute().parents][:MANIFEST_ABOVE]:
-        path = Path(folder, MANIFEST)
-        if path.is_file():
-            return parsed(MotionSource(path).text, MANIFEST)
-    return None
+    above = [*source.path.absolute().parents][:MANIFEST_ABOVE]
+    paths = [Path(folder, MANIFEST) for folder in above]
+    return next((path for path in paths if path.is_file()), None)
 
 
 def _split(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
@@ -213,10 +212,10 @@ def _times(
         return arrays.times(n_samples)
     if manifest is None or "timestep" not in manifest:
         return None, ()
-    period = float(manifest.numbers("timestep"))
-    if not period > 0.0:
+    period = manifest.numbers("timestep").ravel()
+    if period.size != 1 or not period[0] > 0.0:
         raise MotionError(f"The timestep of {MANIFEST} must be greater than 0.")
-    return np.arange(n_samples) * period, ()
+    return np.arange(n_samples) * period[0], ()
 
 
 def write(

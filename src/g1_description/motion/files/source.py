@@ -9,11 +9,11 @@ import lzma
 import re
 import stat
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any, Callable
+from typing import Any, Callable, Mapping
 
 import numpy as np
 
@@ -217,7 +217,7 @@ class MotionSource:
         topic: str | None = None,
         order: str | None = None,
     ) -> None:
-        self.path, self.name = _split(path)
+        self.path, self.name = split(path)
         """The file or folder, and which of its motions; None: it must have one."""
         self.ending = self.path.suffix.lower()
         self.rate = rate
@@ -366,8 +366,12 @@ def parsed(text: str | None, what: str) -> Arrays:
     return Arrays(found)
 
 
-def _split(path: Path) -> tuple[Path, str | None]:
-    """Split ``FILE#NAME``, which names one of the motions in a file."""
+def split(path: Path) -> tuple[Path, str | None]:
+    """Split ``FILE#NAME``, which names one of the motions in a file.
+
+    Returns:
+        The path, and the name; None: the path is a whole file.
+    """
     text = str(path)
     for found in re.finditer("#", text):
         file = Path(text[: found.start()])
