@@ -398,6 +398,18 @@ BAD = {
         lambda: pickle.dumps({**gmr(), "dof_pos": nested(9)}),
         "must contain numbers",
     ),
+    "alias of an npy": (
+        lambda: pickle.dumps({"npy": nested(9)}),
+        "No known format has the arrays npy",
+    ),
+    "alias of frames": (
+        lambda: pickle.dumps({"loop_mode": 0, "fps": 1, "frames": nested(9)}),
+        "frames must contain numbers",
+    ),
+    "alias of axes": (
+        lambda: pickle.dumps({"root_trans_offset": 1.0, "pose_aa": nested(9)}),
+        "array dof is missing",
+    ),
     "ragged": (
         lambda: pickle.dumps({**gmr(), "dof_pos": [[1], 2]}),
         "must contain numbers",

@@ -355,6 +355,15 @@ def test_axes_in_a_library_tell_the_layout_of_23_joints(g1, file, names):
     assert "assuming 30 Hz" in motion.notes[0]
 
 
+def test_names_in_a_library_are_those_of_the_joints(g1, file):
+    axes = np.eye(3)[np.zeros(21, dtype=int)]
+    content = entry(POSITIONS[:, :21], axes)
+    path = file(pickle.dumps({**content, "dof_names": [*G1_JOINTS[29][:21]]}))
+    assert read_motion(path, g1).joint_names == G1_JOINTS[29][:21]
+    with pytest.raises(MotionError, match="21 unnamed joints"):
+        read_motion(file(pickle.dumps(content)), g1)
+
+
 def test_names_in_arrays_of_gmr_are_those_of_the_joints(g1, file):
     names = G1_JOINTS[29][::-1]
     for given_names in (np.array(names), np.array(names, dtype=object), [*names]):

@@ -17,9 +17,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from g1_description.errors import MotionError
 from g1_description.motion.files.conventions import ASAP_JOINTS, G1_JOINTS, layouts
-from g1_description.motion.files.gmr import WITHOUT_VELOCITIES, read_arrays
+from g1_description.motion.files.gmr import NAMES, WITHOUT_VELOCITIES, read_arrays
 from g1_description.motion.files.pickles import pickled
 from g1_description.motion.files.source import Arrays, MotionSource
 from g1_description.motion.files.writing import even, number, whole
@@ -66,14 +65,15 @@ def read(source: MotionSource, robot: Description) -> Motion:
     found = dict(arrays)
     if "dof" not in found and "dof_pos" in found:
         found["dof"] = found["dof_pos"]
-    axes = None
-    if "pose_aa" in found:
+    vectors = found.get("pose_aa")
+    if isinstance(vectors, np.ndarray) and vectors.ndim == 3:
         axes = arrays.numbers("pose_aa", None, None, 3)
-    if "root_rot" not in found and axes is not None and axes.shape[1]:
-        found["root_rot"] = from_rotation_vector(axes[:, 0])
-    if axes is not None and "dof" in found:
-        named = _names(axes, Arrays(found).numbers("dof", len(axes), None), robot)
-        found.update({"joint_names": named} if named else {})
+        if "root_rot" not in found and axes.shape[1]:
+            found["root_rot"] = from_rotation_vector(axes[:, 0])
+        if not {*NAMES} & {*found}:
+            positions = Arrays(found).numbers("dof", len(axes), None)
+            named = _names(axes, positions, robot)
+            found.update({"joint_names": named} if named else {})
     return read_arrays(source, Arrays(found), robot, ARRAYS)
 
 
@@ -118,17 +118,16 @@ def write(
     Raises:
         MotionError: If it has no base or too many samples.
     """
-    layout = None
-    for order in (ASAP_JOINTS, G1_JOINTS[23]):
-        layout = order if {*motion.joint_names} == {*order} else layout
+    of_23 = (ASAP_JOINTS, G1_JOINTS[23])
+    own = {*motion.joint_names}
+    layout = next((order for order in of_23 if {*order} == own), None)
     found, of_joints = whole(motion, robot, layout)
     found, fps, of_times = even(found, rate)
     notes = (*of_joints, *of_times)
     if motion.velocities is not None:
         notes = (*notes, WITHOUT_VELOCITIES)
     base, positions = found.base_poses, found.positions
-    if base is None:
-        raise MotionError("A motion library needs base poses; write .csv.")
+    assert base is not None
     n_samples, n_joints = positions.shape
     known = {joint.name: joint.axis for joint in robot.movable_joints}
     axes = np.reshape([known[name] for name in found.joint_names], (n_joints, 3))
