@@ -44,12 +44,12 @@ def write_motions(folder, *reaches):
     return files
 
 
-def read(path, robot, rate, topic):
+def read(path, robot, rate, topic, *_):
     """Read a motion, where there are no bags."""
     return read_motion(path, robot, rate)
 
 
-def read_or_die(path, robot, rate, topic):
+def read_or_die(path, robot, rate, topic, *_):
     """Read a motion; files with some names end the process that reads them."""
     marker = path.with_suffix(".begun")
     if path.name.startswith("once") and not marker.exists():
@@ -60,7 +60,7 @@ def read_or_die(path, robot, rate, topic):
     return read_motion(path, robot, rate)
 
 
-def stay(path, robot, rate, topic):
+def stay(path, robot, rate, topic, *_):
     """Tell who reads, and never end."""
     path.with_name("pid").write_text(str(os.getpid()))
     while True:

@@ -282,13 +282,21 @@ class Robot:
         return inverse_dynamics(self._kinematics, self._masses, motion).efforts
 
     def read_motion(
-        self, path: str | PathLike[str], rate: float | None = None
+        self,
+        path: str | PathLike[str],
+        rate: float | None = None,
+        order: str | None = None,
+        format: str | None = None,
     ) -> Motion:
         """Read a motion from a file.
 
         Args:
-            path: CSV, npz, pickle, YAML of a JointTrajectory, or rosbag.
+            path: The file or folder, or ``FILE#NAME`` for one of several motions in a
+                file.
             rate: Samples per second of a file without times.
+            order: Of base quaternions in files that do not tell it, ``xyzw`` or
+                ``wxyz``; None: the one in which the robot stands.
+            format: Its name, as in the documentation; None: found by content.
 
         Returns:
             The motion with the joints that the robot has, in the order of the file;
@@ -304,20 +312,27 @@ class Robot:
             raise MotionError(
                 f"The rate must be a number greater than 0 (got {rate!r})."
             )
-        return read_motion(Path(path).expanduser(), self.description, rate)
+        if order not in (None, "xyzw", "wxyz"):
+            raise MotionError(f"The order must be xyzw or wxyz (got {order!r}).")
+        file = Path(path).expanduser()
+        return read_motion(file, self.description, rate, None, order, format)
 
     def write_motion(
         self,
         path: str | PathLike[str],
         trajectory: Motion,
         rate: float | None = None,
+        format: str | None = None,
     ) -> tuple[str, ...]:
         """Write a motion to a file.
 
         Args:
-            path: Ending in .csv or .npz; an existing file is replaced.
+            path: The file, or the folder of a format that is one; an existing file is
+                replaced.
             trajectory: The motion.
-            rate: Samples per second of an npz; None: the average rate of the motion.
+            rate: Samples per second of a format with evenly spaced samples; None: the
+                average rate of the motion.
+            format: Its name, as in the documentation; None: csv or npz, by the ending.
 
         Returns:
             Messages on differences from the motion.
@@ -326,7 +341,8 @@ class Robot:
             MotionError: If the format does not support it.
             InvalidValueError: If the file cannot be written.
         """
-        return write_motion(Path(path).expanduser(), trajectory, self.description, rate)
+        file = Path(path).expanduser()
+        return write_motion(file, trajectory, self.description, rate, format)
 
     def trajectory(
         self,

@@ -171,7 +171,7 @@ def test_a_cluster_finds_the_same_though_a_worker_dies_until_all_went(
     """Bags are read here: their motions are sent, with all that is noted of them."""
     monkeypatch.setattr(clusters, "TIMEOUT", DEADLINE)
 
-    def read_here(path, robot, rate, topic):
+    def read_here(path, robot, rate, topic, *_):
         assert topic == "states"
         motion = read_motion(path, robot, rate)
         return replace(motion, notes=(*motion.notes, "read here"))

@@ -6,11 +6,12 @@ import signal
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 pytest.importorskip("rospy", reason="rospy is not installed")
 
-from checked import POST, write_motions
+from checked import ARM, POST, post_motion, write_motions
 from forked import run_forked
 from waiting import wait_for
 
@@ -240,6 +241,34 @@ def test_a_motion_that_nothing_can_be_said_of_has_not_passed(folder, capsys):
     assert run(file, "--only", "effort,jerk") == MISUSE
     output = capsys.readouterr().out
     assert "not checked: All checks were skipped: " in output
+
+
+def test_unknown_orders_and_formats_are_told(folder, capsys, monkeypatch):
+    line = refused(capsys, monkeypatch, "a.csv", "--format", "qpso")
+    assert "unknown format 'qpso'; formats: qpos, " in line
+    line = refused(capsys, monkeypatch, "a.csv", "--order", "zyxw")
+    assert "invalid choice: 'zyxw'" in line
+
+
+def test_all_motions_of_a_file_are_checked(folder, capsys):
+    """A file with two motions, as of LocoMuJoCo, of which the second one fails."""
+    swing = [post_motion(reach) for reach in (PASSES, FAILS)]
+    rows = [
+        np.concatenate([m.base_poses[:, [0, 1, 2, 6, 3, 4, 5]], m.positions], axis=1)
+        for m in swing
+    ]
+    np.savez(
+        "two.npz",
+        qpos=np.concatenate(rows),
+        joint_names=np.array(["root", ARM]),
+        frequency=50.0,
+        split_points=np.array([0, len(rows[0]), 2 * len(rows[0])]),
+    )
+    assert run("two.npz", "--quiet") == MISUSE
+    assert run("two.npz#0", "--format", "qpos", "--quiet") == 0
+    assert run("two.npz", "--all", "--json", "all.json") == 1
+    found = json.loads((folder / "all.json").read_text())["files"]
+    assert [file["file"] for file in found] == ["two.npz#0", "two.npz#1"]
 
 
 def test_a_file_with_two_names_is_one_file(folder):

@@ -109,7 +109,7 @@ def test_a_sheet_has_as_little_empty_room_as_fits(n, ratio, columns):
         ),
         (
             ["a.png", "--times", "0"],
-            "--motion-fps, --motion-topic and --times need --motion",
+            "--times and options that begin with --motion- need --motion",
         ),
         (["a.mp4", "--motion", MOTION, "--size", "65x48"], "--size must be even"),
         (

@@ -129,7 +129,8 @@ def test_names_tell_the_order_of_the_joints(tmp_path):
     wanted = trajectory(5, 3, 29, np.arange(3) / 30.0)
     write_motion(path, wanted, G1)
     motion = read_motion(path, G1)
-    assert (motion.joint_names, motion.notes) == (wanted.joint_names, ())
+    assert motion.joint_names == wanted.joint_names
+    assert "joint order" not in " ".join(motion.notes).lower()
     for names, words in (
         (np.array(["left_elbow_joint"]), "joint_names has 1 names for 29 joints"),
         (np.zeros(29), "joint_names must be a list of names"),

@@ -48,6 +48,12 @@ class ReplayParameters:
     fps: float = 0.0
     """Samples per second of a file without times, in [Hz]; 0: unknown."""
 
+    order: str = ""
+    """Order of the base's quaternions in a file that does not tell it, xyzw or wxyz."""
+
+    format: str = ""
+    """Format of the file; empty: by its content."""
+
     speed: float = 1.0
     """Playback speed: seconds of the motion per second."""
 
@@ -68,6 +74,8 @@ class ReplayParameters:
             raise InvalidValueError(
                 f"The motion file must be an absolute path (got '{self.file}'){hint}."
             )
+        if self.order not in ("", "xyzw", "wxyz"):
+            raise InvalidValueError(f"order must be xyzw or wxyz (got '{self.order}').")
         check_range(self, "fps", 0.0, 1e6)
         check_range(self, "speed", 1e-3, 1e3)
         check_range(self, "publish_rate", 0.1, 1e3)
@@ -156,7 +164,8 @@ def main() -> None:
         parameters = read_parameters(ReplayParameters)
         robot = parse_urdf(str(rospy.get_param("robot_description", "")))
         rate, topic = parameters.fps or None, parameters.topic or None
-        motion = read_motion(Path(parameters.file), robot, rate, topic)
+        told = parameters.order or None, parameters.format or None
+        motion = read_motion(Path(parameters.file), robot, rate, topic, *told)
     except G1DescriptionError as error:
         rospy.logfatal("%s", error)
         sys.exit(1)

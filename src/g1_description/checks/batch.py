@@ -22,17 +22,16 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Callable, Optional, Union
+from typing import Any, Callable, Union
 
 from g1_description.checks.checker import Checker
 from g1_description.checks.report import NO_MOTION, NOT_READ, FileResult
 from g1_description.errors import G1DescriptionError, MotionError, NoMotionError, cause
 from g1_description.motion.files.formats import read_motion
 from g1_description.motion.motion import Motion
-from g1_description.robot.description import Description
 
-Reader = Callable[[Path, Description, Optional[float], Optional[str]], Motion]
-"""Reads a motion of a robot from a file, at a rate, from a topic."""
+Reader = Callable[..., Motion]
+"""Reads a motion with the arguments of ``read_motion``."""
 
 Content = Union[Path, bytes, Motion]
 """A file, its bytes, or a motion that was read."""
@@ -68,6 +67,12 @@ class FileChecker:
     topic: str | None = None
     """Topic of bags with the joints."""
 
+    order: str | None = None
+    """Order of base quaternions in files that do not tell it, xyzw or wxyz."""
+
+    format: str | None = None
+    """Name of the format of all files; None: each by its content."""
+
     reader: Reader = read_motion
     """Reads files."""
 
@@ -96,6 +101,7 @@ class FileChecker:
     def read(self, name: str, content: Content) -> Motion | FileResult:
         """Read a motion; the outcome where there is none."""
         robot = self.checker.description
+        told = self.order, self.format
         try:
             if isinstance(content, Motion):
                 return content
@@ -103,8 +109,8 @@ class FileChecker:
                 with TemporaryDirectory(prefix="check_") as folder:
                     path = Path(folder, Path(name).name)
                     path.write_bytes(content)
-                    return read_motion(path, robot, self.rate)
-            return self.reader(content, robot, self.rate, self.topic)
+                    return read_motion(path, robot, self.rate, None, *told)
+            return self.reader(content, robot, self.rate, self.topic, *told)
         except MotionError as error:
             begin = f"{Path(name).name}: "
             problem = str(error)

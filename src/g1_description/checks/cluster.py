@@ -31,8 +31,8 @@ from g1_description.errors import ClusterError, MotionError, cause
 from g1_description.files.model_files import find_folder, share_folder
 from g1_description.files.uris import local_path
 from g1_description.motion.files import bag
-from g1_description.motion.files.formats import read_motion
-from g1_description.motion.files.source import MAX_FILE_SIZE, MotionSource
+from g1_description.motion.files.formats import has_neighbours, read_motion
+from g1_description.motion.files.source import MotionSource
 from g1_description.robot.description import Description, Shape
 
 PACKAGES = ("files", "robot", "motion", "sim", "collisions", "checks")
@@ -150,10 +150,10 @@ class Cluster(Here):
     def _content(self, task: Task) -> Content | FileResult:
         """Read a file; a FileResult if it cannot be read."""
         try:
-            size = task.path.stat().st_size
-            is_bag = bag.recognise(MotionSource(task.path))
-            if not is_bag and size <= MAX_FILE_SIZE and self.checker.topic is None:
-                return task.path.read_bytes()
+            source = MotionSource(task.path)
+            is_whole = source.name is None and not bag.recognise(source)
+            if is_whole and not has_neighbours(source) and self.checker.topic is None:
+                return source.data
         except (OSError, MotionError):
             pass  # the reader reports the error
         # Most of a bag may be other topics, which need not be sent.

@@ -95,8 +95,8 @@ class CheckOptions:
     """
 
     files: list[Path] = argument(
-        "a motion (CSV, npz, pickle, bag, YAML of a trajectory), or a folder with "
-        "motions below it",
+        "a motion, FILE#NAME for one of several in a file, or a folder with motions "
+        "below it",
         Path,
         nargs="+",
         metavar="FILE",
@@ -104,6 +104,11 @@ class CheckOptions:
     model: str | None = options.model()
     fps: float | None = options.fps()
     topic: str | None = options.topic()
+    order: str | None = options.order()
+    format: str | None = options.file_format()
+    every: bool = option(
+        "check all motions of files that have several", False, names=("--all",)
+    )
     thresholds: Path | None = options.thresholds()
     only: tuple[str, ...] = option(
         "make only these checks, such as position,self_collision",
@@ -383,7 +388,7 @@ def check(args: CheckOptions) -> int:
         G1DescriptionError: If nothing can be checked.
         KeyboardInterrupt: If it is interrupted before the first outcome.
     """
-    files = motion_files(args.files)
+    files = motion_files(args.files, args.every)
     if args.against is not None:
         return _compare(args, files, args.against)
     reports = Reports(args, files.tasks)
@@ -441,6 +446,8 @@ def file_checker(args: CheckOptions) -> FileChecker:
         bool(args.plot or args.html),
         args.fps,
         args.topic,
+        args.order,
+        args.format,
     )
 
 

@@ -163,6 +163,8 @@ class PlayOptions:
     file: Path = argument("the motion", Path, metavar="FILE")
     fps: float | None = options.fps()
     topic: str | None = options.topic()
+    order: str | None = options.order()
+    format: str | None = options.file_format()
     speed: float = option(
         "playback speed relative to simulated time",
         1.0,
@@ -217,7 +219,9 @@ def prepare(args: PlayOptions, robot: RobotView) -> Motion:
         InvalidValueError: If it does not contain the requested part, or has no base.
         NoAnswerError: If there is no master.
     """
-    motion = read_motion(args.file, robot.description, args.fps, args.topic)
+    motion = read_motion(
+        args.file, robot.description, args.fps, args.topic, args.order, args.format
+    )
     for note in motion.notes:
         notify(note)
     trajectory = cut(motion, args.begin, args.end)

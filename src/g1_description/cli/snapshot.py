@@ -149,6 +149,8 @@ class SnapshotOptions:
     )
     motion_fps: float | None = options.fps()
     motion_topic: str | None = options.topic()
+    motion_order: str | None = options.order()
+    motion_format: str | None = options.file_format()
     times: list[float] | None = option(
         "times of the motion in s that a contact sheet shows, such as 0,1.5,3",
         None,
@@ -188,6 +190,7 @@ class SnapshotOptions:
     def _check(self) -> None:
         """Check combinations of options."""
         of_motion = (self.motion_fps, self.motion_topic, self.times)
+        of_motion += (self.motion_order, self.motion_format)
         is_odd = any(side % 2 for side in self.size or ())
         wrong = {
             "an animation of --model needs --motion": (
@@ -202,7 +205,7 @@ class SnapshotOptions:
             "--seconds and --fps need an animation": (
                 not self.is_film and (self.seconds, self.fps) != (None, None)
             ),
-            "--motion-fps, --motion-topic and --times need --motion": (
+            "--times and options that begin with --motion- need --motion": (
                 not self.motion and any(value is not None for value in of_motion)
             ),
             "--times needs a picture, not an animation": (
@@ -383,7 +386,12 @@ def drawn_motion(
             long.
     """
     motion = read_motion(
-        Path(args.motion), description, args.motion_fps, args.motion_topic
+        Path(args.motion),
+        description,
+        args.motion_fps,
+        args.motion_topic,
+        args.motion_order,
+        args.motion_format,
     )
     begin = float(motion.times[0])
     found = sample(motion, _times(args, begin, motion))

@@ -51,6 +51,8 @@ class WebOptions:
     model: str | None = options.model()
     fps: float | None = options.fps()
     topic: str | None = options.topic()
+    order: str | None = options.order()
+    format: str | None = options.file_format()
     thresholds: Path | None = options.thresholds()
     host: str = option(
         "address to listen on; 0.0.0.0: all, with a token in the address",
@@ -104,8 +106,10 @@ def _read(
     args: WebOptions, file: Path, robot: Description, rate: float | None
 ) -> Motion:
     """Read a motion."""
-    topic = args.topic if file in (args.motion, *(args.compare or ())) else None
-    return read_motion(file, robot, rate, topic)
+    if file in (args.motion, *(args.compare or ())):
+        named = args.topic, args.order, args.format
+        return read_motion(file, robot, rate, *named)
+    return read_motion(file, robot, rate)
 
 
 def web(args: WebOptions) -> None:

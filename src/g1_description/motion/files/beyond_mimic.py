@@ -1,14 +1,18 @@
-"""Arrays of BeyondMimic and mjlab in an npz; also written by this package.
+"""Arrays of BeyondMimic, mjlab and unitree_rl_lab in an npz; also written.
 
 ``fps, joint_pos, joint_vel, body_pos_w, body_quat_w``; body 0 is the root, quaternions
-are w x y z. Isaac Lab orders joints and bodies breadth first, MuJoCo as in the file.
-The order follows from ``joint_names``, which this package writes, or from the positions
-of the bodies.
+are w x y z. Traps:
+
+- Isaac Lab (whole_body_tracking, unitree_rl_lab) orders joints and bodies breadth
+  first, MuJoCo (mjlab) as in the file, and the file does not say which. The order
+  follows from ``joint_names``, which this package writes, or from the positions of the
+  bodies.
+- Unitree's deployed program reads float32 whatever the type is, so all is float32 in
+  files for training. They need all six arrays and ``fps`` of shape (1,).
 """
 
 from __future__ import annotations
 
-import io
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 
@@ -17,7 +21,16 @@ import numpy as np
 from g1_description.errors import MotionError
 from g1_description.motion.files.conventions import layouts, names_of_columns, of_robot
 from g1_description.motion.files.source import MotionSource
-from g1_description.motion.motion import Motion, sample
+from g1_description.motion.files.writing import (
+    MAX_SAMPLES,
+    bodies,
+    even,
+    npz,
+    number,
+    velocities_of,
+    whole,
+)
+from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description, Joint
 from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.tree import below
@@ -31,15 +44,6 @@ BODY_MISMATCH = 0.002
 
 N_COMPARED = 5
 """Samples whose bodies are compared with the robot's."""
-
-EVEN = 1e-6
-"""Tolerance of evenly spaced times, in [s]."""
-
-BATCH = 1000
-"""Samples per chunk when bodies are computed."""
-
-MAX_SAMPLES = 1_000_000
-"""Most samples that are written."""
 
 OVERHEAD = 20_000
 """Most bytes of an npz without numbers and names."""
@@ -123,12 +127,17 @@ def _names(
 def _orders(n_joints: int, robot: Description) -> list[tuple[str, ...]]:
     """List the possible orders of unnamed joints."""
     found = layouts(n_joints, robot)
-    isaac = [_breadth_first(robot, names) for names in found]
+    isaac = [breadth_first(robot, names) for names in found]
     return [*found, *(order for order in isaac if len(order) == n_joints)]
 
 
-def _breadth_first(robot: Description, names: Collection[str]) -> tuple[str, ...]:
-    """List the named joints breadth first, as if all others were fixed."""
+def breadth_first(robot: Description, names: Collection[str]) -> tuple[str, ...]:
+    """List named joints breadth first, as Isaac Lab does, as if all others were fixed.
+
+    Args:
+        robot: The robot.
+        names: Of the joints; those that the robot does not have are left out.
+    """
     depth = {robot.root: 0}
     found: list[Joint] = []
     for joint in below([robot.root], robot.joints):
@@ -198,90 +207,65 @@ def write(
     """
     if trajectory.base_poses is None:
         raise MotionError(NO_BASE)
-    even, fps, notes = _even(trajectory, rate)
-    poses, twists = _bodies(even, robot)
+    evenly, fps, notes = even(trajectory, rate)
+    poses, twists = bodies(evenly, robot)
     arrays = {
         "fps": np.array([fps]),
-        "joint_pos": even.positions,
-        "joint_vel": even.velocities,
+        "joint_pos": evenly.positions,
+        "joint_vel": evenly.velocities,
         "body_pos_w": poses[..., :3],
         "body_quat_w": poses[..., [6, 3, 4, 5]],
         "body_lin_vel_w": twists[..., :3].astype(np.float32),
         "body_ang_vel_w": twists[..., 3:].astype(np.float32),
-        "joint_names": np.array(even.joint_names, dtype=str),
+        "joint_names": np.array(evenly.joint_names, dtype=str),
     }
-    stream = io.BytesIO()
-    np.savez(stream, **{n: a for n, a in arrays.items() if a is not None})
-    return stream.getvalue(), notes
+    return npz({n: a for n, a in arrays.items() if a is not None}), notes
 
 
-def _even(
-    trajectory: Motion, rate: float | None
-) -> tuple[Motion, float, tuple[str, ...]]:
-    """Resample a motion to evenly spaced times, if necessary.
+def write_mjlab(
+    motion: Motion, robot: Description, rate: float | None
+) -> tuple[bytes, tuple[str, ...]]:
+    """Write the npz from which mjlab trains: joints in MuJoCo's order.
 
-    Returns:
-        The motion, its samples per second, and a message if it was resampled.
-    """
-    times = trajectory.times - trajectory.times[0]
-    mean = (len(times) - 1) / times[-1] if len(times) > 1 else 30.0
-    fps = rate or (round(mean) if abs(mean - round(mean)) < 1e-3 else mean)
-    n_samples = int(times[-1] * fps + 1e-3) + 1
-    if n_samples > MAX_SAMPLES:
-        raise MotionError(
-            f"The motion would have {n_samples} samples at {fps:g} Hz; the limit is "
-            f"{MAX_SAMPLES}."
-        )
-    regular = np.arange(n_samples) / fps
-    if n_samples == len(times) and np.abs(times - regular).max() <= EVEN:
-        return trajectory, float(fps), ()
-    found = sample(trajectory, trajectory.times[0] + regular)
-    velocities = None if trajectory.velocities is None else found.velocities
-    names, poses = trajectory.joint_names, found.base_poses
-    note = (
-        f"The times are not evenly spaced: resampled to {n_samples} samples at "
-        f"{fps:g} Hz."
-    )
-    even = Motion(regular, names, found.positions, velocities, poses)
-    return even, float(fps), (note,)
-
-
-def _bodies(trajectory: Motion, robot: Description) -> tuple[np.ndarray, np.ndarray]:
-    """Place the root and the joints' child links.
+    Args:
+        motion: With a base; joints missing in it are at zero.
+        robot: The robot.
+        rate: Samples per second, in [Hz]; None: those of the motion, on average.
 
     Returns:
-        Poses, x y z and quaternion x y z w, shape (n_samples, n_joints + 1, 7), and
-        twists along the map's axes, linear then angular, shape (..., 6).
+        The file's content, and messages on differences from the motion.
+
+    Raises:
+        MotionError: If it has no base or too many samples.
     """
-    child = {joint.name: joint.child for joint in robot.movable_joints}
-    links = [robot.root, *(child[name] for name in trajectory.joint_names)]
-    rows = [robot.link_names.index(link) for link in links]
-    found = sample(trajectory, trajectory.times)
-    base, base_twists = trajectory.base_poses, found.base_twists
-    assert base is not None and base_twists is not None
-    base_twists = _between(base_twists)
-    velocities = trajectory.velocities
-    if velocities is None:
-        velocities = _between(found.velocities)
-    positions = of_robot(trajectory.joint_names, trajectory.positions, robot)
-    velocities = of_robot(trajectory.joint_names, velocities, robot)
-    kinematics = Kinematics(robot)
-    shape = len(trajectory.times), len(links)
-    poses, twists = np.empty((*shape, 7)), np.empty((*shape, 6))
-    for begin in range(0, len(poses), BATCH):
-        part = slice(begin, begin + BATCH)
-        all_poses, all_twists = kinematics.link_states(
-            base[part], positions[part], base_twists[part], velocities[part]
-        )
-        poses[part], twists[part] = all_poses[:, rows], all_twists[:, rows]
-    poses[:, 0] = base
-    return poses, twists
+    return _for_training(*whole(motion, robot), robot, rate)
 
 
-def _between(differences: np.ndarray) -> np.ndarray:
-    """Average the velocities before and after each sample, shape (n, ...)."""
-    if len(differences) < 2:
-        return differences
-    behind = np.concatenate([differences[:-1], differences[-2:-1]])
-    before = np.concatenate([behind[:1], behind[:-1]])
-    return 0.5 * (before + behind)
+def write_whole_body_tracking(
+    motion: Motion, robot: Description, rate: float | None
+) -> tuple[bytes, tuple[str, ...]]:
+    """Write the npz from which whole_body_tracking trains: in Isaac Lab's order.
+
+    Arguments, results and errors are those of ``write_mjlab``.
+    """
+    own = [joint.name for joint in robot.movable_joints]
+    isaac = breadth_first(robot, own)
+    return _for_training(*whole(motion, robot, isaac), robot, rate)
+
+
+def _for_training(
+    motion: Motion, notes: tuple[str, ...], robot: Description, rate: float | None
+) -> tuple[bytes, tuple[str, ...]]:
+    """Write all six arrays as float32, in the order of the motion's joints."""
+    evenly, fps, of_times = even(motion, rate)
+    poses, twists = bodies(evenly, robot)
+    arrays = {
+        "joint_pos": evenly.positions,
+        "joint_vel": velocities_of(evenly),
+        "body_pos_w": poses[..., :3],
+        "body_quat_w": poses[..., [6, 3, 4, 5]],
+        "body_lin_vel_w": twists[..., :3],
+        "body_ang_vel_w": twists[..., 3:],
+    }
+    content = {name: array.astype(np.float32) for name, array in arrays.items()}
+    return npz({"fps": np.array([number(fps)]), **content}), (*notes, *of_times)

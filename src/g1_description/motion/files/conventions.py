@@ -41,6 +41,13 @@ G1_JOINTS = {
 ASAP_JOINTS = _g1_joints(WAIST, ARM)
 """The other layout of 23 joints: ASAP, PBHC and GMT lock the wrists."""
 
+_ISAAC_ORDER = (
+    *(0, 6, 12, 1, 7, 13, 2, 8, 14, 3, 9, 15, 22, 4, 10, 16, 23, 5, 11, 17, 24),
+    *(18, 25, 19, 26, 20, 27, 21, 28),
+)
+ISAAC_JOINTS = tuple(G1_JOINTS[29][number] for number in _ISAAC_ORDER)
+"""The 29 joints breadth first, as Isaac Lab lists them."""
+
 _LIMITS = {
     "waist_roll_joint": 0.52,
     "waist_pitch_joint": 0.52,
@@ -149,6 +156,20 @@ def _excess(positions: np.ndarray, names: tuple[str, ...], robot: Description) -
     return float(excess.max(initial=-np.inf))
 
 
+def base_of(places: np.ndarray, turns: np.ndarray) -> np.ndarray:
+    """Join places and quaternions w x y z of a format to poses, shape (n, 7)."""
+    return np.concatenate([places, turns[:, 1:], turns[:, :1]], axis=1)
+
+
+def known(velocities: np.ndarray, positions: np.ndarray) -> np.ndarray | None:
+    """Return velocities; None if they are all zero though positions change.
+
+    Some writers fill in zeros.
+    """
+    is_moving = len(positions) > 1 and bool(np.ptp(positions, axis=0).any())
+    return None if is_moving and not velocities.any() else velocities
+
+
 def w_last(
     motion: Motion,
     robot: Description,
@@ -173,8 +194,9 @@ def w_last(
         The motion, with a message if its quaternions are not certainly x y z w.
 
     Raises:
-        MotionError: If the order cannot be told.
+        MotionError: If the order cannot be told, or joints are in degrees.
     """
+    check_radians(motion, robot)
     base = motion.base_poses
     has_soles = {*SOLES} <= {*robot.link_names}
     if base is None or order == "xyzw":

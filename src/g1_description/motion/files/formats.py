@@ -9,16 +9,40 @@ these extensions.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import ModuleType
-from typing import Callable, Union
+from typing import Callable, Mapping, Union
 
 from g1_description.errors import InvalidValueError, MotionError
 from g1_description.files.atomic import write_whole
-from g1_description.motion.files import bag, beyond_mimic, gmr, table, trajectory_yaml
+from g1_description.motion.files import (
+    amp_dataset,
+    amp_text,
+    bag,
+    beyond_mimic,
+    bones_seed,
+    gmr,
+    hdmi,
+    holomotion,
+    isaac_amp,
+    keyframes,
+    mimickit,
+    motion_library,
+    npy_table,
+    phuma,
+    policy,
+    protomotions,
+    pyroki,
+    qpos,
+    sonic,
+    sonic_deploy,
+    table,
+    trajectory_yaml,
+)
 from g1_description.motion.files.conventions import check_radians
+from g1_description.motion.files.hints import hints
 from g1_description.motion.files.source import MAX_FILE_SIZE, MotionSource
 from g1_description.motion.motion import Motion, fitted
 from g1_description.robot.description import Description
@@ -29,13 +53,33 @@ Content = Union[bytes, Mapping[str, bytes]]
 
 FORMATS: Mapping[str, ModuleType] = {
     "bag": bag,
+    "qpos": qpos,
+    "hdmi": hdmi,
     "tracking": beyond_mimic,
+    "isaac_amp": isaac_amp,
+    "holomotion": holomotion,
+    "pyroki": pyroki,
+    "npy": npy_table,
     "gmr": gmr,
+    "motion_library": motion_library,
+    "sonic_deploy": sonic_deploy,
+    "mimickit": mimickit,
+    "phuma": phuma,
+    "protomotions": protomotions,
+    "amp_dataset": amp_dataset,
+    "amp_text": amp_text,
+    "policy": policy,
+    "keyframes": keyframes,
+    "bones_seed": bones_seed,
+    "sonic": sonic,
     "trajectory": trajectory_yaml,
     "table": table,
 }
 """Formats by name. The first one that recognises a file reads it; a table is any other
 text."""
+
+ORDER_OPEN = (table, npy_table, gmr)
+"""Formats of which publishers disagree on the order of quaternions."""
 
 ENDINGS = tuple(
     sorted({ending for module in FORMATS.values() for ending in module.ENDINGS})
@@ -59,6 +103,16 @@ class Writer:
 WRITERS: Mapping[str, Writer] = {
     "csv": Writer(".csv", table.write),
     "npz": Writer(".npz", beyond_mimic.write),
+    "lafan1": Writer(".csv", table.write_lafan1),
+    "kimodo": Writer(".csv", table.write_kimodo),
+    "bones_seed": Writer(".csv", bones_seed.write),
+    "sonic": Writer("", sonic.write),
+    "mjlab": Writer(".npz", beyond_mimic.write_mjlab),
+    "whole_body_tracking": Writer(".npz", beyond_mimic.write_whole_body_tracking),
+    "qpos": Writer(".npz", qpos.write),
+    "holomotion": Writer(".npz", holomotion.write),
+    "gmr": Writer(".pkl", gmr.write),
+    "motion_library": Writer(".pkl", motion_library.write),
 }
 """Formats that can be written, by name. The first one of an extension is its usual
 one."""
@@ -92,7 +146,12 @@ def read_motion(
     source = MotionSource(path, rate, topic, order)
     try:
         module = _format(source, name)
+        if source.name is not None and not _names(module, source):
+            raise MotionError("The file has no motions with names.")
         motion = module.read(source, robot)
+        if order is not None and module not in ORDER_OPEN:
+            ignored = "The format has one order of quaternions: --order is ignored."
+            motion = replace(motion, notes=(*motion.notes, ignored))
         if rate is not None and motion.has_times:
             ignored = f"the rate of {rate:g} Hz is ignored"
             notes = (*motion.notes, f"The file has its own times: {ignored}.")
@@ -100,6 +159,7 @@ def read_motion(
         motion = fitted(motion, robot)
         if module is not bag:  # ROS uses radians
             check_radians(motion, robot)
+            motion = replace(motion, notes=(*motion.notes, *hints(motion, robot)))
     except MotionError as error:
         raise type(error)(f"{path.name}: {error}") from error
     return motion
@@ -112,8 +172,26 @@ def motion_names(path: Path) -> Sequence[str]:
         MotionError: If the file cannot be read.
     """
     source = MotionSource(path)
-    module = _format(source)
-    return module.names(source) if hasattr(module, "names") else ()
+    return _names(_format(source), source)
+
+
+def _names(module: ModuleType, source: MotionSource) -> Sequence[str]:
+    """List the names of the motions in a file; empty if they have none."""
+    names: Sequence[str] = module.names(source) if hasattr(module, "names") else ()
+    return names
+
+
+def has_neighbours(source: MotionSource) -> bool:
+    """Return whether a motion is in several files, as of HDMI and any4hdmi."""
+    if not source.is_zip:
+        return source.is_folder
+    return hdmi.recognise(source) or qpos.manifest_of(source) is not None
+
+
+def is_motion_folder(folder: Path) -> bool:
+    """Return whether a folder is one motion, as of SONIC and HDMI."""
+    source = MotionSource(folder)
+    return any(module.recognise(source) for module in FORMATS.values())
 
 
 def _format(source: MotionSource, name: str | None = None) -> ModuleType:
@@ -143,7 +221,8 @@ def _problem(source: MotionSource) -> str:
     names = list(map(str, source.arrays))
     if names:
         found = listed(names)
-        for arrays in (beyond_mimic.ARRAYS, gmr.ARRAYS):
+        for module in FORMATS.values():
+            arrays = getattr(module, "ARRAYS", ())
             missing = [name for name in arrays if name not in names]
             if len(missing) == 1:
                 return f"The array {missing[0]} is missing; the file has {found}."

@@ -8,10 +8,14 @@ is detected. With a header, which may be a comment, the columns are named:
 - ``base_x`` to ``base_qw``, or none of them;
 - each joint by its name;
 - ``NAME.velocity`` for each joint, or for none.
+
+Traps of tables without a header: the order of the quaternion is not in the file, nor is
+the rate; 23 joints have two layouts.
 """
 
 from __future__ import annotations
 
+import io
 import re
 from array import array
 from collections.abc import Iterator, Sequence
@@ -21,6 +25,7 @@ import numpy as np
 from g1_description.errors import MotionError, NoMotionError
 from g1_description.motion.files.conventions import names_of_columns, w_last
 from g1_description.motion.files.source import MotionSource
+from g1_description.motion.files.writing import even, untold, whole
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.text import listed
@@ -99,21 +104,70 @@ def _headless(
             "and joints."
         )
     values = _numbers(rows, width)
+    return unnamed(source, values, robot, DEFAULT_RATE, "the rate of the LAFAN1 set")
+
+
+def unnamed(
+    source: MotionSource, values: np.ndarray, robot: Description, usual: float, why: str
+) -> Motion:
+    """Make a motion of columns without names: place, quaternion and joints.
+
+    Args:
+        source: The file.
+        values: Shape (n_samples, 7 + n_joints).
+        robot: The robot.
+        usual: Rate of such files in [Hz].
+        why: Whose rate that is.
+
+    Raises:
+        MotionError: If no robot has that many joints, or the order of the quaternion
+            cannot be told.
+    """
     base, positions = values[:, : len(BASE)], values[:, len(BASE) :]
     joints, notes = names_of_columns(positions, robot)
     times = np.arange(len(values), dtype=float)
     motion = Motion(times, joints, positions, base_poses=base, notes=notes)
     motion = w_last(motion, robot, source.order)
-    return source.timed(motion, DEFAULT_RATE, "the rate of the LAFAN1 set")
+    return source.timed(motion, usual, why)
+
+
+def header(source: MotionSource) -> list[str]:
+    """Return the columns that the first line of a text names; none: not a text."""
+    lines = (source.text or "")[:MAX_LINE].splitlines()
+    return [name.strip() for name in lines[0].split(",")] if lines else []
+
+
+def headed(source: MotionSource) -> tuple[list[str], np.ndarray]:
+    """Read a table whose first line names its columns.
+
+    Returns:
+        The names, and the numbers, shape (n_rows, n_columns).
+
+    Raises:
+        MotionError: If it is no such table, with the line.
+    """
+    for number, line in _lines(source.text or ""):
+        names = [name.strip() for name in _fields(number, line, None)]
+        return names, _numbers(_rows(source.text or "", number), len(names))
+    raise MotionError("The file is empty.")
+
+
+def check_once(number: int, names: list[str]) -> None:
+    """Check that the columns of a line have different names.
+
+    Raises:
+        MotionError: If they have not.
+    """
+    twice = [name for name in dict.fromkeys(names) if names.count(name) > 1]
+    if twice:
+        raise MotionError(f"Line {number} has duplicate columns: {listed(twice)}.")
 
 
 def _headed(
     rows: Iterator[tuple[int, str]], number: int, names: list[str], robot: Description
 ) -> Motion:
     """Read a table with a header, whose line has this number."""
-    twice = [name for name in dict.fromkeys(names) if names.count(name) > 1]
-    if twice:
-        raise MotionError(f"Line {number} has duplicate columns: {listed(twice)}.")
+    check_once(number, names)
     base = [name for name in BASE if name in names]
     joints = [
         name
@@ -138,15 +192,15 @@ def _headed(
         )
     values = _numbers(rows, len(names))
 
-    def columns(needed: Sequence[str]) -> np.ndarray:
+    def of(needed: Sequence[str]) -> np.ndarray:
         return values[:, [names.index(name) for name in needed]]
 
     return Motion(
         values[:, names.index(TIME)],
         tuple(joints),
-        columns(joints),
-        columns(velocities) if has_velocities else None,
-        columns(BASE) if base else None,
+        of(joints),
+        of(velocities) if has_velocities else None,
+        of(BASE) if base else None,
     )
 
 
@@ -170,17 +224,71 @@ def write(
         MotionError: If a joint has the name of another column.
     """
     t = trajectory
-    names, columns = [TIME], [t.times[:, np.newaxis]]
+    names, parts = [TIME], [t.times[:, np.newaxis]]
     if t.base_poses is not None:
-        names, columns = [*names, *BASE], [*columns, t.base_poses]
-    names, columns = [*names, *t.joint_names], [*columns, t.positions]
+        names, parts = [*names, *BASE], [*parts, t.base_poses]
+    names, parts = [*names, *t.joint_names], [*parts, t.positions]
     if t.velocities is not None:
         names += [joint + VELOCITY for joint in t.joint_names]
-        columns = [*columns, t.velocities]
+        parts = [*parts, t.velocities]
     _check_writable(t.joint_names)
-    rows = np.concatenate(columns, axis=1).tolist()
-    lines = [",".join(names), *(",".join(map(repr, row)) for row in rows), ""]
-    return "\n".join(lines).encode(), ()
+    return rows_text(np.concatenate(parts, axis=1), names).encode(), ()
+
+
+def rows_text(values: np.ndarray, names: Sequence[str] = ()) -> str:
+    """Write a table, each number with as few digits as tell it from its neighbours.
+
+    Args:
+        values: Shape (n_rows, n_columns).
+        names: Of the columns; none: no header.
+    """
+    rows = [",".join(map(repr, row)) for row in values.tolist()]
+    return "\n".join([*([",".join(names)] if names else ()), *rows, ""])
+
+
+def write_lafan1(
+    motion: Motion, robot: Description, rate: float | None
+) -> tuple[bytes, tuple[str, ...]]:
+    """Write the robot's joints without a header, as in the LAFAN1 retargeting set.
+
+    Args:
+        motion: With a base; joints missing in it are at zero.
+        robot: The robot.
+        rate: Samples per second, in [Hz]; None: those of the motion, on average.
+
+    Returns:
+        The file's content, and messages on differences from the motion.
+
+    Raises:
+        MotionError: If it has no base or too many samples.
+    """
+    base, positions, notes = _without_names(motion, robot, rate)
+    return rows_text(np.concatenate([base, positions], axis=1)).encode(), notes
+
+
+def write_kimodo(
+    motion: Motion, robot: Description, rate: float | None
+) -> tuple[bytes, tuple[str, ...]]:
+    """Write the same with quaternions w x y z, as Kimodo does.
+
+    Arguments, results and errors are those of ``write_lafan1``.
+    """
+    base, positions, notes = _without_names(motion, robot, rate)
+    base = base[:, [0, 1, 2, 6, 3, 4, 5]]
+    stream = io.StringIO()
+    np.savetxt(stream, np.concatenate([base, positions], axis=1), delimiter=",")
+    return stream.getvalue().encode(), notes
+
+
+def _without_names(
+    motion: Motion, robot: Description, rate: float | None
+) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
+    """Return base poses and joints at even times, and messages."""
+    found, notes = whole(motion, robot)
+    found, fps, of_times = even(found, rate)
+    told = untold(fps, DEFAULT_RATE)
+    assert found.base_poses is not None
+    return found.base_poses, found.positions, (*notes, *of_times, *told)
 
 
 def most_samples(joints: Sequence[str], has_base: bool, size: int) -> int:

@@ -1,0 +1,132 @@
+"""Arrays of HoloMotion in an npz: ``ref_dof_pos, ref_global_translation`` and more.
+
+Joints and bodies are in the order of the URDF, body 0 is the base, quaternions are x y
+z w. Traps:
+
+- The rate is in a text in JSON, ``metadata``, as ``motion_fps``.
+- The prefix tells what it is: ``ref_`` the reference, ``ft_ref_`` filtered, ``robot_``
+  what was executed; a file may have several. Old files have none, and ``dof_vels``.
+- Places and turns may be those of the base alone.
+"""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+
+from g1_description.errors import MotionError
+from g1_description.motion.files.conventions import known, names_of_columns
+from g1_description.motion.files.source import Arrays, MotionSource, parsed
+from g1_description.motion.files.writing import (
+    bodies,
+    even,
+    npz,
+    velocities_of,
+    whole,
+)
+from g1_description.motion.motion import Motion
+from g1_description.robot.description import Description
+
+ENDINGS = (".npz",)
+
+METADATA = "metadata"
+
+PREFIXES = {"ref": "ref_", "ft_ref": "ft_ref_", "robot": "robot_", "motion": ""}
+"""Prefixes of the arrays, by the names of motions."""
+
+JOINTS, PLACES, TURNS = "dof_pos", "global_translation", "global_rotation_quat"
+
+VERSION = "1.4.0"
+"""Of the format that is written."""
+
+
+def recognise(source: MotionSource) -> bool:
+    """Return whether a file has these arrays."""
+    return METADATA in source.arrays and bool(names(source))
+
+
+def names(source: MotionSource) -> tuple[str, ...]:
+    """List the motions: the reference, and what was executed."""
+    return tuple(
+        name
+        for name, prefix in PREFIXES.items()
+        if {prefix + JOINTS, prefix + PLACES} <= {*source.arrays}
+    )
+
+
+def read(source: MotionSource, robot: Description) -> Motion:
+    """Read a motion.
+
+    Raises:
+        MotionError: If an array has a wrong shape or content.
+    """
+    arrays = source.arrays
+    prefix = PREFIXES[source.chosen(names(source))]
+    positions = arrays.numbers(prefix + JOINTS, None, None)
+    places = _of_base(arrays, prefix + PLACES, len(positions), 3)
+    turns = _of_base(arrays, prefix + TURNS, len(positions), 4)
+    velocities = None
+    for name in (f"{prefix}dof_vel", f"{prefix}dof_vels"):
+        if name in arrays:
+            velocities = known(arrays.numbers(name, *positions.shape), positions)
+    metadata = parsed(str(arrays[METADATA]), METADATA)
+    times, of_times = metadata.times(len(positions), "motion_fps")
+    joints, notes = names_of_columns(positions, robot)
+    base = np.concatenate([places, turns], axis=1)
+    return Motion(times, joints, positions, velocities, base, (*notes, *of_times))
+
+
+def _of_base(arrays: Arrays, name: str, n_samples: int, width: int) -> np.ndarray:
+    """Return an array's columns of the base, the first body or the only one."""
+    if arrays.numbers(name).ndim == 2:
+        return arrays.numbers(name, n_samples, width)
+    values = arrays.numbers(name, n_samples, None, width)
+    if not values.shape[1]:
+        raise MotionError(f"{name} must have at least one body, the base.")
+    return values[:, 0]
+
+
+def write(
+    motion: Motion, robot: Description, rate: float | None
+) -> tuple[bytes, tuple[str, ...]]:
+    """Write a reference as float32, with all bodies.
+
+    Args:
+        motion: With a base; joints missing in it are at zero.
+        robot: The robot.
+        rate: Samples per second, in [Hz]; None: those of the motion, on average.
+
+    Returns:
+        The file's content, and messages on differences from the motion.
+
+    Raises:
+        MotionError: If it has no base or too many samples.
+    """
+    found, notes = whole(motion, robot)
+    found, fps, of_times = even(found, rate)
+    poses, twists = bodies(found, robot)
+    n_samples, n_joints = found.positions.shape
+    metadata = {
+        "format_version": VERSION,
+        "motion_key": "motion",
+        "raw_motion_key": "motion",
+        "motion_fps": fps,
+        "num_frames": n_samples,
+        "wallclock_len": (n_samples - 1) / fps,
+        "num_dofs": n_joints,
+        "num_bodies": n_joints + 1,
+        "clip_length": n_samples,
+        "valid_prefix_len": n_samples,
+    }
+    arrays = {
+        JOINTS: found.positions,
+        "dof_vel": velocities_of(found),
+        PLACES: poses[..., :3],
+        TURNS: poses[..., 3:],
+        "global_velocity": twists[..., :3],
+        "global_angular_velocity": twists[..., 3:],
+    }
+    content = {f"ref_{name}": a.astype(np.float32) for name, a in arrays.items()}
+    text = np.array(json.dumps(metadata))
+    return npz({METADATA: text, **content}), (*notes, *of_times)

@@ -1,0 +1,195 @@
+"""What the writers of formats share: even times, all joints, poses of bodies, npz."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from g1_description.errors import MotionError
+from g1_description.motion.files.conventions import of_robot
+from g1_description.motion.motion import Motion, sample
+from g1_description.robot.description import Description
+from g1_description.robot.kinematics import Kinematics
+from g1_description.text import listed
+
+EVEN = 1e-6
+"""Tolerance of evenly spaced times, in [s]."""
+
+BATCH = 1000
+"""Samples per chunk when bodies are computed."""
+
+MAX_SAMPLES = 1_000_000
+"""Most samples that are written."""
+
+
+def npz(arrays: Mapping[str, Any]) -> bytes:
+    """Return an npz of arrays by name."""
+    stream = io.BytesIO()
+    np.savez(stream, **arrays)
+    return stream.getvalue()
+
+
+def number(rate: float) -> int | float:
+    """Return a rate as an integer, where it is one: readers expect it."""
+    return int(rate) if rate == int(rate) else rate
+
+
+def untold(rate: float, usual: float) -> tuple[str, ...]:
+    """Tell that a file has no rate, unless it is the usual one of its format."""
+    if abs(rate - usual) < 1e-6:
+        return ()
+    return (
+        f"The file does not have its rate: read it with --fps {rate:g}, as "
+        f"{usual:g} Hz are assumed.",
+    )
+
+
+def whole(
+    motion: Motion, robot: Description, names: Sequence[str] | None = None
+) -> tuple[Motion, tuple[str, ...]]:
+    """Complete a motion for a format that has a base and all joints, without names.
+
+    Args:
+        motion: Of the robot.
+        robot: The robot.
+        names: Of the format's joints, in its order; None: those of the robot.
+
+    Returns:
+        The motion of these joints, at zero where the motion has none, and a message on
+        those and on joints that are left out.
+
+    Raises:
+        MotionError: If it has no base, or the robot lacks a joint.
+    """
+    if motion.base_poses is None:
+        raise MotionError(
+            "This format needs base poses, and the motion has none; write .csv."
+        )
+    own = [joint.name for joint in robot.movable_joints]
+    names = tuple(own if names is None else names)
+    lacking = [name for name in names if name not in own]
+    if lacking:
+        raise MotionError(
+            f"This format needs joints that {robot.name} does not have: "
+            f"{listed(lacking)}."
+        )
+    velocities = motion.velocities
+    if velocities is not None:
+        velocities = _columns(motion, velocities, names)
+    positions = _columns(motion, motion.positions, names)
+    found = replace(
+        motion, joint_names=names, positions=positions, velocities=velocities
+    )
+    notes = []
+    missing = [name for name in names if name not in motion.joint_names]
+    if missing:
+        notes.append(f"Missing joints are written as 0: {listed(missing)}.")
+    left_out = [name for name in motion.joint_names if name not in names]
+    if left_out:
+        notes.append(
+            f"Joints that the format does not have are left out: {listed(left_out)}."
+        )
+    return found, tuple(notes)
+
+
+def _columns(motion: Motion, values: np.ndarray, names: Sequence[str]) -> np.ndarray:
+    """Arrange columns of joints; missing ones are zero."""
+    found = np.zeros((len(values), len(names)))
+    for number, name in enumerate(names):
+        if name in motion.joint_names:
+            found[:, number] = values[:, motion.joint_names.index(name)]
+    return found
+
+
+def even(
+    trajectory: Motion, rate: float | None
+) -> tuple[Motion, float, tuple[str, ...]]:
+    """Resample a motion to evenly spaced times, if necessary.
+
+    Args:
+        trajectory: The motion.
+        rate: Samples per second, in [Hz]; None: those of the motion, on average.
+
+    Returns:
+        The motion, its samples per second, and a message if it was resampled.
+
+    Raises:
+        MotionError: If it would have too many samples.
+    """
+    times = trajectory.times - trajectory.times[0]
+    mean = (len(times) - 1) / times[-1] if len(times) > 1 else 30.0
+    fps = rate or (round(mean) if abs(mean - round(mean)) < 1e-3 else mean)
+    n_samples = int(times[-1] * fps + 1e-3) + 1
+    if n_samples > MAX_SAMPLES:
+        raise MotionError(
+            f"The motion would have {n_samples} samples at {fps:g} Hz; the limit is "
+            f"{MAX_SAMPLES}."
+        )
+    regular = np.arange(n_samples) / fps
+    if n_samples == len(times) and np.abs(times - regular).max() <= EVEN:
+        return trajectory, float(fps), ()
+    found = sample(trajectory, trajectory.times[0] + regular)
+    velocities = None if trajectory.velocities is None else found.velocities
+    names, poses = trajectory.joint_names, found.base_poses
+    is_even = len(times) < 2 or np.ptp(np.diff(times)) <= EVEN
+    why = "Resampled" if is_even else "The times are not evenly spaced: resampled"
+    note = f"{why} to {n_samples} samples at {fps:g} Hz."
+    found_motion = Motion(regular, names, found.positions, velocities, poses)
+    return found_motion, float(fps), (note,)
+
+
+def bodies(trajectory: Motion, robot: Description) -> tuple[np.ndarray, np.ndarray]:
+    """Place the root and the joints' child links.
+
+    Args:
+        trajectory: With a base and joints of the robot; others are at zero.
+        robot: The robot.
+
+    Returns:
+        Poses, x y z and quaternion x y z w, shape (n_samples, n_joints + 1, 7), and
+        twists along the map's axes, linear then angular, shape (..., 6).
+    """
+    child = {joint.name: joint.child for joint in robot.movable_joints}
+    links = [robot.root, *(child[name] for name in trajectory.joint_names)]
+    rows = [robot.link_names.index(link) for link in links]
+    found = sample(trajectory, trajectory.times)
+    base, base_twists = trajectory.base_poses, found.base_twists
+    assert base is not None and base_twists is not None
+    base_twists = _between(base_twists)
+    velocities = velocities_of(trajectory)
+    positions = of_robot(trajectory.joint_names, trajectory.positions, robot)
+    velocities = of_robot(trajectory.joint_names, velocities, robot)
+    kinematics = Kinematics(robot)
+    shape = len(trajectory.times), len(links)
+    poses, twists = np.empty((*shape, 7)), np.empty((*shape, 6))
+    for begin in range(0, len(poses), BATCH):
+        part = slice(begin, begin + BATCH)
+        all_poses, all_twists = kinematics.link_states(
+            base[part], positions[part], base_twists[part], velocities[part]
+        )
+        poses[part], twists[part] = all_poses[:, rows], all_twists[:, rows]
+    poses[:, 0] = base
+    return poses, twists
+
+
+def velocities_of(motion: Motion) -> np.ndarray:
+    """Return the velocities of joints, shape (n_samples, n_joints).
+
+    Differences between samples, where the motion has none.
+    """
+    if motion.velocities is not None:
+        return motion.velocities
+    return _between(sample(motion, motion.times).velocities)
+
+
+def _between(differences: np.ndarray) -> np.ndarray:
+    """Average the velocities before and after each sample, shape (n, ...)."""
+    if len(differences) < 2:
+        return differences
+    behind = np.concatenate([differences[:-1], differences[-2:-1]])
+    before = np.concatenate([behind[:1], behind[:-1]])
+    return 0.5 * (before + behind)
