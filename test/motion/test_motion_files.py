@@ -398,6 +398,10 @@ BAD = {
         lambda: pickle.dumps({**gmr(), "dof_pos": nested(9)}),
         "must contain numbers",
     ),
+    "name of lines": (
+        lambda: pickle.dumps({"a\nb": 1}),
+        r"No known format has the arrays 'a\\nb'",
+    ),
     "alias of an npy": (
         lambda: pickle.dumps({"npy": nested(9)}),
         "No known format has the arrays npy",
