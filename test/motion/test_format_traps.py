@@ -308,6 +308,10 @@ def test_hdmi_is_read_by_names(g1, tmp_path):
         read_motion(lacking, g1)
     with pytest.raises(MotionError, match="fps must be one number greater than 0"):
         read_motion(write_hdmi(tmp_path / "c", fps=0), g1)
+    (folder / "meta.json").write_text("{}")
+    other = folder / "other.npz"  # of BeyondMimic: meta.json is somebody else's
+    other.write_bytes(npz(**np.load(folder / "motion.npz"), fps=[50]))
+    assert read_motion(other, g1).times[1] == 0.02
     (folder / "meta.json").unlink()
     with pytest.raises(MotionError, match="The array fps is missing"):
         read_motion(folder / "motion.npz", g1)
