@@ -2,6 +2,7 @@
 
 import io
 import json
+import time
 
 import numpy as np
 import pytest
@@ -483,6 +484,42 @@ def test_a_damaged_file_is_read_or_refused_with_a_sentence(g1, file, content):
 def test_arrays_of_wrong_shapes_are_told(g1, file, arrays):
     with pytest.raises(MotionError, match=r"^motion: .*\.$"):
         read_motion(file(npz(**arrays)), g1)
+
+
+def wide():
+    rows = np.zeros((1, 7 + 7_000_000))
+    rows[0, 3] = 1.0
+    return npz(qpos=rows, fps=30)
+
+
+@pytest.mark.parametrize(
+    "content, words",
+    [
+        (wide, "has 7000000 unnamed joints"),
+        (
+            lambda: npz(
+                qpos=configurations(), fps=30, split_points=np.zeros(9_000_000)
+            ),
+            "split_points has 8999999 motions; the limit is 100000",
+        ),
+        (lambda: holomotion("ref_", a="b" * 20_000_000), "20 million characters"),
+        (
+            lambda: npz(
+                metadata=np.array('{"a":' + "[" * 900_000),
+                ref_dof_pos=np.zeros((N, 29)),
+                ref_global_translation=np.zeros((N, 3)),
+                ref_global_rotation_quat=np.ones((N, 4)),
+            ),
+            "metadata is not valid JSON",
+        ),
+    ],
+)
+def test_a_hostile_array_is_refused_at_once(g1, file, content, words):
+    path = file(content())
+    begin = time.process_time()
+    with pytest.raises(MotionError, match=words):
+        read_motion(path, g1)
+    assert time.process_time() - begin < 5.0
 
 
 def changed(*joints, value):
