@@ -3,11 +3,14 @@
 import base64
 import io
 import json
+import lzma
 import os
+import pickle
 import struct
 import subprocess
 import sys
 import zipfile
+import zlib
 
 import numpy as np
 import pytest
@@ -56,6 +59,35 @@ def of_encoding():
         + (name + b"h\x01\x85R") * 100
         + b"e."
     )
+
+
+def whole_number(number):
+    """Pickle a number."""
+    return pickle.dumps(number, 2)[2:-1]
+
+
+def wrapper(shape):
+    """Make joblib's note of an array whose shape is a tuple or what is given."""
+    begin = b"\x80\x02cjoblib.numpy_pickle\nNumpyArrayWrapper\n)\x81}("
+    kind = text("dtype") + pickle.dumps(np.dtype("<f8"), 2)[2:-1]
+    return begin + text("shape") + b"(" + shape + b"t" + kind + b"ub."
+
+
+def torch(shape, stride):
+    """Make a file of torch with a tensor of one number."""
+    numbers = b"".join(pickle.dumps(part, 2)[2:-1] for part in (0, shape, stride))
+    place = b"((X\x07\0\0\0storagectorch\nFloatStorage\nX\x01\0\0\x000NK\x01tQ"
+    content = b"ctorch._utils\n_rebuild_tensor_v2\n" + place + numbers + b"tR"
+    items = b"".join(text(name) + b"N" for name in ("rigid_body_pos", "rigid_body_rot"))
+    items += text("fps") + b"K\x01" + text("dof_pos") + content
+    return zipped({"a/data.pkl": b"\x80\x02}(" + items + b"u.", "a/data/0": bytes(4)})
+
+
+def of_dictionary():
+    """Make a file of lzma that needs 1.5 GB to be read."""
+    content = bytearray(lzma.compress(bytes(1000), lzma.FORMAT_ALONE))
+    content[1:5] = struct.pack("<I", 2**30 + 2**29)
+    return bytes(content)
 
 
 def of_merges(depth):
@@ -156,19 +188,103 @@ HOSTILE = {
     "encoding": (of_encoding, "too large"),
     "many steps": (
         lambda: b"\x80\x02](" + b"N" * 50_000_000,
-        "more than 500000 opcodes",
+        "more than 2000000 opcodes",
     ),
     "arguments": (
         lambda: b"\x80\x02ccollections\nOrderedDict\n" + text("x" * 30_000_000) + b"R.",
-        "argument list must be a tuple",
+        "wrong arguments of a call",
     ),
     "bytes of 10 GB": (
         lambda: b"\x80\x05\x96" + struct.pack("<Q", 10**10) + bytes(100),
-        "cannot be read: expected 10000000000 bytes",
+        "cannot be read: it has an array of 10000000000 bytes",
     ),
     "long type": (
         lambda: b"\x80\x02cnumpy\ndtype\n" + text("f8," * 3_000_000) + b"\x85R.",
-        "invalid dtype",
+        "unknown dtype",
+    ),
+    "calls": (
+        lambda: (
+            b"\x80\x02ccollections\nOrderedDict\nq\x01]("
+            + b"N" * 500_000
+            + b"tq\x02"
+            + b"h\x01h\x02R" * 100_000
+        ),
+        "wrong arguments of a call",
+    ),
+    "colliding names": (
+        lambda: (
+            b"\x80\x02}("
+            + b"".join(whole_number(n * (2**61 - 1)) + b"N" for n in range(300_000))
+            + b"u."
+        ),
+        "has no items with names",
+    ),
+    "long number": (
+        lambda: b"\x80\x02L" + b"9" * 20_000_000 + b"L\n.",
+        "the opcode 0x4c, which is not allowed",
+    ),
+    "large shape": (
+        lambda: wrapper(b"".join(whole_number(2**2000) for _ in range(100_000))),
+        "impossible shape",
+    ),
+    "many axes": (
+        lambda: wrapper(whole_number(200) * 300_000),
+        "ends within an array",
+    ),
+    "long shape": (
+        lambda: wrapper(text("9" * 20_000_000)),
+        "impossible shape",
+    ),
+    "zlib": (
+        lambda: zlib.compress(bytes(300_000_000), 1),
+        "Decompressed, the file has more than 200 MB",
+    ),
+    "lzma": (of_dictionary, "Memory usage limit exceeded"),
+    "compressed text": (
+        lambda: zlib.compress(b"\x80\x02]" + text("x" * 150_000_000), 1),
+        "text, or arrays encoded as text, are too large",
+    ),
+    "many members": (
+        lambda: zipped({f"{n}.npy": b"" for n in range(20_000)}, zipfile.ZIP_STORED),
+        "more than 10000 files",
+    ),
+    "long header": (
+        lambda: (
+            b"\x93NUMPY\x02\x00" + struct.pack("<I", 90_000_000) + b"[" * 90_000_000
+        ),
+        "The header of an array has more than 10000 bytes",
+    ),
+    "one storage many times": (
+        lambda: torch((10**9, 29, 3), (0, 0, 0)),
+        "dof_pos has 87000000000 numbers",
+    ),
+    "beyond a storage": (
+        lambda: torch((10**9, 29), (29, 1)),
+        "larger than its storage",
+    ),
+    "many fields": (
+        lambda: b"\x08\x01" * 40_000_000 + b"body_quat_w",
+        "more than 500000 fields",
+    ),
+    "many keys": (
+        lambda: "<mujoco><keyframe>" + "<key qpos='0'/>" * 3_000_000,
+        "The model is 45 MB; the limit is 10 MB",
+    ),
+    "entities": (
+        lambda: "<!DOCTYPE a [<!ENTITY b 'c'>]><mujoco>&b;</mujoco>",
+        "DOCTYPE",
+    ),
+    "many frames": (
+        lambda: '{"FrameDuration": 1, "Frames": [' + "[]," * 6_000_000,
+        "18 million characters",
+    ),
+    "empty frames": (
+        lambda: '{"FrameDuration": 1, "Frames": [' + "[]," * 4_900_000 + "[]]}",
+        "Frames has no numbers",
+    ),
+    "nested frames": (
+        lambda: '{"FrameDuration": 1, "Frames": ' + "[" * 5_000_000,
+        "not JSON: maximum recursion depth",
     ),
     "nested lists": (lambda: "joint_names: " + "[" * 200_000, "is nested 21 levels"),
     "nested lines": (
@@ -206,7 +322,7 @@ HOSTILE = {
                 "dof_pos.npy": npy((1_250_000_000,), bytes(80)),
             }
         ),
-        "npz file cannot be read: Unable to allocate",
+        "The file cannot be read: Unable to allocate",
     ),
     "zip bomb": (
         lambda: zipped(

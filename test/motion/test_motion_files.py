@@ -386,18 +386,30 @@ TWO_BODIES = {
 }
 BAD = {
     "body nan": (lambda: npz(**TWO_BODIES), "body_pos_w must be fin"),
-    "header": (lambda: npz_with("{'descr': ("), "npz file cannot be read"),
+    "header": (lambda: npz_with("{'descr': ("), "The file cannot be read"),
     "negative two": (
         lambda: npz_with(HEADER.format("(-1, -5)")),
-        "npz file cannot be read",
+        "The file cannot be read",
     ),
     "large": (
         lambda: npz_with(HEADER.format(f"(0, {2**70})")),
-        "npz file cannot be read",
+        "The file cannot be read",
     ),
     "alias": (
         lambda: pickle.dumps({**gmr(), "dof_pos": nested(9)}),
         "must contain numbers",
+    ),
+    "alias of an npy": (
+        lambda: pickle.dumps({"npy": nested(9)}),
+        "No known format has the arrays npy",
+    ),
+    "alias of frames": (
+        lambda: pickle.dumps({"loop_mode": 0, "fps": 1, "frames": nested(9)}),
+        "frames must contain numbers",
+    ),
+    "alias of axes": (
+        lambda: pickle.dumps({"root_trans_offset": 1.0, "pose_aa": nested(9)}),
+        "array dof is missing",
     ),
     "ragged": (
         lambda: pickle.dumps({**gmr(), "dof_pos": [[1], 2]}),
@@ -416,19 +428,16 @@ BAD = {
     "words": ("hello world\n", "Line 1"),
     "binary": (b"\xff\xfe\x00\x01" * 100, "Unknown format: not an npz, pickle, ros"),
     "line": (b"time,a\n0,\x80", r"UTF-8 text .see line 2\)"),
-    "npy": (npy, r"npy files are not supported; .* numpy\.savez"),
+    "npy": (npy, "No known format has the arrays npy"),
     "joblib": (
-        lambda: zlib.compress(pickle.dumps(gmr())),
-        r"^motion: Compressed fil",
+        lambda: zlib.compress(pickle.dumps(gmr()))[:-20],
+        "The compressed file ends too early",
     ),
     "wrapper": (
         b"\x80\x02cjoblib.numpy_pickle\nNumpyArrayWrapper\n",
-        r"was written by joblib; save it with pickle\.dump or numpy\.savez",
+        "The pickle ends too early",
     ),
-    "torch": (
-        lambda: zipped("library/data.pkl"),
-        "PyTorch files are not supported; convert it to npz or CSV",
-    ),
+    "torch": (lambda: zipped("library/data.pkl"), "The pickle ends too early"),
     "zip": (lambda: zipped("motion.csv"), "a zip file without arrays"),
     "pointer": (
         "version https://git-lfs.github.com/spec/v1\n",
@@ -438,9 +447,9 @@ BAD = {
         "time;a\n0;0\n",
         "Line 1 has the columns time;a.*separated by commas",
     ),
-    "rate missing": (
-        lambda: npz(root_pos=1.0, root_rot=1.0, dof_pos=1.0),
-        "^motion: The array fps is missing; the file has root_pos, root_rot, dof_pos",
+    "array missing": (
+        lambda: npz(fps=1.0, root_pos=1.0, root_rot=1.0),
+        "^motion: The array dof_pos is missing; the file has fps, root_pos, root_rot",
     ),
     "points missing": (
         "joint_names: [a]\n",
@@ -462,17 +471,17 @@ BAD = {
     "base": ("time,base_x,left_elbow_joint\n0,1,2\n", "base_y"),
     "backward": ("time,left_elbow_joint\n1,0\n0,0\n", "must increase"),
     "strangers": ("time,a,b\n0,1,2\n", "none of the motion's joints, a, b"),
-    "no zip": (b"PK\x03\x04" + bytes(100), "npz file cannot be read"),
+    "no zip": (b"PK\x03\x04" + bytes(100), "Not an npz: a zip file without"),
     "underscore": (ROW.replace("0.8", "1_0"), "expected a number .got '1_0'"),
     "velocity": ("time,a,b,a.velocity\n0,1,2,3\n", "but lacks b.velocity"),
     "stray": ("time,a,a.velocity,b.velocity\n0,1,2,3\n", "has b.velocity, but no"),
-    "claims": (lambda: claims((10**9, 10)), "npz file cannot be read"),
-    "negative": (lambda: claims((-1, 10)), "npz file cannot be read"),
+    "claims": (lambda: claims((10**9, 10)), "The file cannot be read"),
+    "negative": (lambda: claims((-1, 10)), "The file cannot be read"),
     "objects": (
         lambda: npz(**{**gmr(), "dof_pos": np.array([{}])}),
         "Object arrays cannot be",
     ),
-    "others": (lambda: npz(a=np.zeros(3)), "The file has a; expected fps"),
+    "others": (lambda: npz(a=np.zeros(3)), "No known format has the arrays a"),
     "shape": (
         lambda: pickle.dumps({**gmr(), "root_pos": np.zeros((2, 3))}),
         "root_pos",
@@ -480,7 +489,7 @@ BAD = {
     "rate": (lambda: pickle.dumps({**gmr(), "fps": 0}), "fps must be"),
     "text": (lambda: pickle.dumps({**gmr(), "fps": "x"}), "fps must contain numbers"),
     "list": (lambda: pickle.dumps([1, 2]), "must contain a dict .got list"),
-    "memo": (b"\x80\x02Nr\xff\xff\xff\x7f.", "has the memo index 2147483647"),
+    "memo": (b"\x80\x02Nr\xff\xff\xff\x7f.", "must contain a dict .got NoneType"),
     "cut": (lambda: pickle.dumps(gmr())[:-30], "cannot be read"),
     "yaml": ("joint_names: [a\npoints: {", "Line 2 is not valid YAML: "),
     "no points": ("joint_names: [left_elbow_joint]\npoints: []\n", "has no points"),
@@ -540,7 +549,7 @@ def test_folders_pipes_and_large_files_are_told(g1, tmp_path):
     with open(large, "wb") as stream:
         stream.truncate(10_000_000_000)
     for path, words in (
-        (tmp_path, "is not a file"),
+        (tmp_path, "folder is not of a known format"),
         (pipe, "is not a file"),
         (large, "has 10000 MB"),
         (tmp_path / "nothing", "No such file"),

@@ -25,6 +25,10 @@ READ = (
     *("trap_yaw90_xyzw.csv", "trap_yaw90_wxyz.csv", "trap_lying_wxyz.csv"),
     *("trap_23_unitree.csv", "trap_23_asap.csv", "gmr.pkl", "gmr_dataset.pkl"),
     *("twist2.pkl", "gmt_23.pkl", "g1_moves.pkl", "trap_gmr_wxyz.pkl"),
+    *("sonic_deploy.pkl", "asap.pkl", "pbhc.pkl", "trap_library_no_fps.pkl"),
+    *("trap_no_fps.npz", "mimickit.pkl", "phuma.npy", "protomotions.motion"),
+    *("beyondmimic_mjlab.onnx", "beyondmimic_isaac.onnx", "keyframes.xml"),
+    *("sonic_motion_lib.pkl", "pbhc_two.pkl", "protomotions_lib.pt"),
     *("wbt_isaac.npz", "mjlab.npz", "unitree_rl_lab_23.npz"),
     *("trap_27.csv", "bones_seed.csv", "soma_retargeter.csv", "trap_x2_columns.csv"),
     *("sonic/M_ShortMove13_001__A000", "sonic_root_only/minimal"),
@@ -34,14 +38,7 @@ READ = (
     *("hdmi/M_ShortMove13", "holomotion_legacy.npz", "holomotion.npz", "pyroki.npz"),
     "loco_mujoco.npz",
 )
-REFUSED = (
-    *("trap_degrees.csv", "trap_31.csv", "trap_bones_radians.csv"),
-    *("sonic_deploy.pkl",),
-    *("sonic_motion_lib.pkl", "asap.pkl", "pbhc.pkl", "pbhc_two.pkl"),
-    *("trap_library_no_fps.pkl", "trap_no_fps.npz", "mimickit.pkl", "phuma.npy"),
-    *("protomotions.motion", "protomotions_lib.pt"),
-    *("beyondmimic_mjlab.onnx", "beyondmimic_isaac.onnx", "keyframes.xml"),
-)
+REFUSED = ("trap_degrees.csv", "trap_31.csv", "trap_bones_radians.csv")
 TOLD = {
     "trap_degrees.csv": "looks like degrees",
     "trap_31.csv": "has 31 unnamed joints",

@@ -143,6 +143,33 @@ def from_axis_angle(axis: np.ndarray, angle: np.ndarray) -> np.ndarray:
     return np.concatenate([np.sin(half) * axis, np.cos(half)], axis=-1)
 
 
+def from_rotation_vector(vector: np.ndarray) -> np.ndarray:
+    """Convert rotation vectors: axes, as long as the angle.
+
+    Args:
+        vector: In [rad], shape (..., 3).
+
+    Returns:
+        Unit quaternions (x, y, z, w), shape (..., 4).
+    """
+    angle = np.linalg.norm(vector, axis=-1)
+    axis = vector / np.where(angle > 0.0, angle, 1.0)[..., np.newaxis]
+    return from_axis_angle(axis, angle)
+
+
+def to_rotation_vector(q_a_b: np.ndarray) -> np.ndarray:
+    """Convert quaternions to rotation vectors of at most half a turn.
+
+    Args:
+        q_a_b: Unit quaternions (x, y, z, w), shape (..., 4).
+
+    Returns:
+        Axes, as long as the angle in [rad], shape (..., 3).
+    """
+    axis, half = shorter_turn(IDENTITY, q_a_b)
+    return 2.0 * half * axis
+
+
 def from_rpy(rpy: np.ndarray) -> np.ndarray:
     """Convert URDF's fixed-axis roll, pitch, yaw.
 

@@ -9,15 +9,17 @@ these extensions.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import ModuleType
-from typing import Callable, Union
+from typing import Callable, Mapping, Union
 
 from g1_description.errors import InvalidValueError, MotionError
 from g1_description.files.atomic import write_whole
 from g1_description.motion.files import (
+    amp_dataset,
+    amp_text,
     bag,
     beyond_mimic,
     bones_seed,
@@ -25,10 +27,17 @@ from g1_description.motion.files import (
     hdmi,
     holomotion,
     isaac_amp,
+    keyframes,
+    mimickit,
+    motion_library,
     npy_table,
+    phuma,
+    policy,
+    protomotions,
     pyroki,
     qpos,
     sonic,
+    sonic_deploy,
     table,
     trajectory_yaml,
 )
@@ -52,6 +61,15 @@ FORMATS: Mapping[str, ModuleType] = {
     "pyroki": pyroki,
     "npy": npy_table,
     "gmr": gmr,
+    "motion_library": motion_library,
+    "sonic_deploy": sonic_deploy,
+    "mimickit": mimickit,
+    "phuma": phuma,
+    "protomotions": protomotions,
+    "amp_dataset": amp_dataset,
+    "amp_text": amp_text,
+    "policy": policy,
+    "keyframes": keyframes,
     "bones_seed": bones_seed,
     "sonic": sonic,
     "trajectory": trajectory_yaml,
@@ -93,6 +111,8 @@ WRITERS: Mapping[str, Writer] = {
     "whole_body_tracking": Writer(".npz", beyond_mimic.write_whole_body_tracking),
     "qpos": Writer(".npz", qpos.write),
     "holomotion": Writer(".npz", holomotion.write),
+    "gmr": Writer(".pkl", gmr.write),
+    "motion_library": Writer(".pkl", motion_library.write),
 }
 """Formats that can be written, by name. The first one of an extension is its usual
 one."""
@@ -126,6 +146,8 @@ def read_motion(
     source = MotionSource(path, rate, topic, order)
     try:
         module = _format(source, name)
+        if source.name is not None and not _names(module, source):
+            raise MotionError("The file has no motions with names.")
         motion = module.read(source, robot)
         if order is not None and module not in ORDER_OPEN:
             ignored = "The format has one order of quaternions: --order is ignored."
@@ -150,8 +172,13 @@ def motion_names(path: Path) -> Sequence[str]:
         MotionError: If the file cannot be read.
     """
     source = MotionSource(path)
-    module = _format(source)
-    return module.names(source) if hasattr(module, "names") else ()
+    return _names(_format(source), source)
+
+
+def _names(module: ModuleType, source: MotionSource) -> Sequence[str]:
+    """List the names of the motions in a file; empty if they have none."""
+    names: Sequence[str] = module.names(source) if hasattr(module, "names") else ()
+    return names
 
 
 def has_neighbours(source: MotionSource) -> bool:

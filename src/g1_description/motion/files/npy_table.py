@@ -22,7 +22,8 @@ USUAL_RATE = 120.0
 
 def recognise(source: MotionSource) -> bool:
     """Return whether a file is a numeric npy with rows."""
-    return [*source.arrays] == [NPY] and np.ndim(source.arrays[NPY]) == 2
+    values = source.arrays[NPY] if [*source.arrays] == [NPY] else None
+    return isinstance(values, np.ndarray) and values.ndim == 2
 
 
 def read(source: MotionSource, robot: Description) -> Motion:

@@ -1,15 +1,22 @@
-"""Pickles of motions, also joblib's, read without running code in them.
+"""Pickles of motions, also joblib's, read without running code in them, and written.
 
-A pickle is a program. Only numbers, text, plain containers and numpy's arrays of
-numbers are allowed.
+A pickle is a program. Only the opcodes that today's writers need are obeyed, and only
+numbers, text, plain containers and numpy's arrays of these come out. Traps:
+
+- joblib puts the bytes of an array behind its opcodes, since 1.2 after padding, so its
+  files are no valid pickles. They may be compressed as a whole.
+- Protocol 2 encodes bytes as text.
+- numpy 2 renamed its core to ``numpy._core``, which numpy 1 cannot open.
 """
 
 from __future__ import annotations
 
 import io
 import pickle
+import re
 import struct
-from typing import Any, Callable
+from collections.abc import Mapping
+from typing import Any, Callable, cast
 
 import numpy as np
 
@@ -18,29 +25,49 @@ from g1_description.errors import MotionError, cause
 PICKLE = b"\x80"
 """First byte of pickles, except of the oldest protocols."""
 
-MAX_STEPS = 1_000_000
-"""Largest number of opcodes. GMR's pickles have a hundred, or one per number in
-lists."""
+MAX_STEPS = 2_000_000
+"""Largest number of opcodes. GMR's pickles have a hundred; in MimicKit's, with one per
+number, these are half an hour at 30 Hz."""
 
 MAX_TEXT = 100_000_000
-"""Largest size of all arrays in bytes in protocol 2, which encodes them as text."""
+"""Most bytes of text, and of arrays that protocol 2 encodes as text."""
 
-MAX_DTYPE = 16
-"""Longest name of a dtype."""
+MAX_ARGUMENTS = 10
+"""Most arguments of a call."""
+
+DTYPE = re.compile(r"[<>=|]?[?biufOSU][0-9]{0,8}")
+"""Names of dtypes: numbers, text, and objects, which wrap a dictionary in an npy."""
+
+_OPCODES = b"".join(
+    (
+        *(pickle.PROTO, pickle.FRAME, pickle.STOP, pickle.MARK, pickle.POP),
+        *(pickle.POP_MARK, pickle.NONE, pickle.NEWTRUE, pickle.NEWFALSE),
+        *(pickle.BININT, pickle.BININT1, pickle.BININT2, pickle.LONG1, pickle.LONG4),
+        *(pickle.BINFLOAT, pickle.BINUNICODE, pickle.SHORT_BINUNICODE),
+        *(pickle.BINUNICODE8, pickle.BINSTRING, pickle.SHORT_BINSTRING),
+        *(pickle.BINBYTES, pickle.SHORT_BINBYTES, pickle.BINBYTES8),
+        *(pickle.BYTEARRAY8, pickle.EMPTY_LIST, pickle.APPEND, pickle.APPENDS),
+        *(pickle.EMPTY_DICT, pickle.SETITEM, pickle.SETITEMS, pickle.EMPTY_TUPLE),
+        *(pickle.TUPLE, pickle.TUPLE1, pickle.TUPLE2, pickle.TUPLE3, pickle.GLOBAL),
+        *(pickle.STACK_GLOBAL, pickle.REDUCE, pickle.NEWOBJ, pickle.BUILD),
+        *(pickle.BINPUT, pickle.LONG_BINPUT, pickle.MEMOIZE, pickle.BINGET),
+        *(pickle.LONG_BINGET, pickle.BINPERSID),
+    )
+)
+"""What is written since protocol 2, without sets and registered extensions. Text of
+older protocols is missing: a long number in it takes hours."""
 
 
 class Dtype:
     """Replaces ``np.dtype``, which accepts flags that crash numpy."""
 
     def __init__(self, name: str) -> None:
-        if type(name) is not str or len(name) > MAX_DTYPE:
-            raise MotionError("it has an invalid dtype")
+        if type(name) is not str or not DTYPE.fullmatch(name):
+            raise MotionError("it has an array of an unknown dtype")
         self.dtype = np.dtype(name)
-        if self.dtype.kind not in "fiubO":
-            raise MotionError(f"it has an array of {self.dtype}")
 
     def build(self, state: Any, _: Unpickler) -> None:
-        """Set the byte order, the only state of numeric dtypes."""
+        """Set the byte order, the only state of such dtypes."""
         if state[1] in ("<", ">"):
             self.dtype = self.dtype.newbyteorder(state[1])
 
@@ -51,12 +78,12 @@ class Array:
     value: Any = np.empty(0)
 
     def build(self, state: Any, _: Unpickler) -> None:
-        """Set shape, dtype, order and bytes."""
+        """Set shape, dtype, order and bytes; of objects, the list of them."""
         _, shape, kind, is_fortran, content = state
-        if kind.dtype.kind == "O":  # npy files wrap a dictionary like this
-            if shape != ():
-                raise MotionError("it has an array of objects")
-            (self.value,) = content
+        if kind.dtype.kind == "O":
+            if type(content) is not list:
+                raise MotionError("it has an array of objects that is not a list")
+            self.value = content[0] if shape == () else content
             return
         array = np.frombuffer(content, kind.dtype)
         self.value = array.reshape(shape, order="F" if is_fortran else "C")
@@ -67,14 +94,16 @@ class _JoblibArray(Array):
 
     def build(self, state: Any, reader: Unpickler) -> None:
         """Read the array."""
-        kind, shape = state["dtype"].dtype, tuple(map(int, state["shape"]))
+        kind, shape = state["dtype"].dtype, state["shape"]
         if kind.kind == "O":
             raise MotionError("it has an array of objects")
         if state.get("numpy_array_alignment_bytes") is not None:
             reader.following(reader.following(1)[0])
         size = kind.itemsize
         for length in shape:
-            size *= length
+            if type(length) is not int or not 0 <= length <= reader.size:
+                raise MotionError("it has an array of an impossible shape")
+            size = min(size * length, reader.size + 1)
         array = np.frombuffer(reader.following(size), kind)
         self.value = array.reshape(shape, order=state["order"])
 
@@ -90,26 +119,73 @@ class _Steps(dict):
             raise MotionError(f"it has more than {MAX_STEPS} opcodes")
         return super().__getitem__(opcode)
 
+    def __missing__(self, opcode: int) -> Any:
+        raise MotionError(f"it has the opcode {opcode:#04x}, which is not allowed")
+
 
 class Unpickler(pickle._Unpickler):  # type: ignore[name-defined, misc]
     """Resolves only the names that motions need.
 
-    It is Python's own in Python: joblib's arrays lie between the opcodes.
+    It is Python's own in Python, as joblib's arrays lie between the opcodes.
     """
 
-    n_encoded = 0
     stack: list[Any]
     append: Callable[[Any], None]
     read: Callable[[int], bytes]
+    pop_mark: Callable[[], list[Any]]
 
     def __init__(self, data: bytes) -> None:
         self._stream = io.BytesIO(data)
-        self._size = len(data)
+        self.size = len(data)
+        """Number of bytes."""
+        self._n_text = 0
         super().__init__(self._stream)
-        self.dispatch = _Steps(pickle._Unpickler.dispatch)  # type: ignore
-        self.dispatch[pickle.BUILD[0]] = Unpickler.load_build
-        self.dispatch[pickle.NEWOBJ[0]] = Unpickler.load_newobj
-        self.dispatch[pickle.BYTEARRAY8[0]] = Unpickler.load_bytearray8
+        own = {
+            pickle.BUILD: Unpickler.load_build,
+            pickle.REDUCE: Unpickler.load_reduce,
+            pickle.NEWOBJ: Unpickler.load_reduce,
+            pickle.SETITEM: Unpickler.load_setitem,
+            pickle.SETITEMS: Unpickler.load_setitems,
+            pickle.BINUNICODE: Unpickler.load_binunicode,
+            pickle.BINUNICODE8: Unpickler.load_binunicode8,
+            pickle.BYTEARRAY8: Unpickler.load_bytearray8,
+        }
+        usual = pickle._Unpickler.dispatch  # type: ignore[attr-defined]
+        self.dispatch = _Steps(  # type: ignore[misc]
+            {opcode: usual[opcode] for opcode in _OPCODES}
+        )
+        self.dispatch.update({opcode[0]: method for opcode, method in own.items()})
+        self.allowed = self.names()
+
+    def names(self) -> dict[str, Any]:
+        """List what replaces the allowed names, mostly functions."""
+        return {
+            "numpy.core.multiarray._reconstruct": lambda *_: Array(),
+            "numpy.core.multiarray.scalar": _scalar,
+            "numpy.core.numeric._frombuffer": self._from_buffer,
+            "numpy.ndarray": lambda: Array(),
+            "numpy.dtype": lambda name, *_: Dtype(name),
+            "collections.OrderedDict": lambda: {},
+            "__builtin__.bytes": lambda: b"",  # without bytes, in protocol 2
+            "_codecs.encode": self._encoded,
+            "joblib.numpy_pickle.NumpyArrayWrapper": lambda *_: _JoblibArray(),
+        }
+
+    def find_class(self, module: str, name: str) -> Any:
+        """Return the replacement of a name."""
+        full = f"{module}.{name}".replace("numpy._core.", "numpy.core.")
+        if full not in self.allowed:
+            raise MotionError(
+                f"it uses {module[:80]}.{name[:80]}, which is not allowed"
+            )
+        return self.allowed[full]
+
+    def load_reduce(self) -> None:
+        """Call a replacement."""
+        arguments = self.stack.pop()
+        if type(arguments) is not tuple or len(arguments) > MAX_ARGUMENTS:
+            raise MotionError("it has wrong arguments of a call")
+        self.stack[-1] = self.stack[-1](*arguments)
 
     def load_build(self) -> None:
         """Set the state of an array; of nothing else."""
@@ -119,82 +195,97 @@ class Unpickler(pickle._Unpickler):  # type: ignore[name-defined, misc]
             raise MotionError(f"it sets attributes of {type(found).__name__}")
         found.build(state, self)
 
+    def load_setitem(self) -> None:
+        """Add an item to a dictionary."""
+        value, name = self.stack.pop(), self.stack.pop()
+        self._add([name, value])
+
+    def load_setitems(self) -> None:
+        """Add items to a dictionary."""
+        self._add(self.pop_mark())
+
+    def _add(self, items: list[Any]) -> None:
+        """Add items to a dictionary; numbers as names could be made to collide."""
+        found = self.stack[-1]
+        if type(found) is not dict:
+            raise MotionError(f"it sets items of {type(found).__name__}")
+        for name, value in zip(items[::2], items[1::2]):
+            if isinstance(name, str):
+                found[name] = value
+
+    def load_binunicode(self) -> None:
+        """Read text."""
+        self._add_text(*struct.unpack("<I", self.read(4)))
+
+    def load_binunicode8(self) -> None:
+        """Read long text."""
+        self._add_text(*struct.unpack("<Q", self.read(8)))
+
+    def _add_text(self, size: int) -> None:
+        self._count(size)
+        self.append(str(self.read(size), "utf-8", "surrogatepass"))
+
+    def _count(self, size: int) -> None:
+        """Limit text, which needs up to four times its bytes."""
+        self._n_text += size
+        if self._n_text > MAX_TEXT:
+            raise MotionError("its text, or arrays encoded as text, are too large")
+
     def load_bytearray8(self) -> None:
         """Read bytes; Python's own allocates their length before it looks."""
         (size,) = struct.unpack("<Q", self.read(8))
-        if size > self._size:
+        if size > self.size:
             raise MotionError(f"it has an array of {size} bytes")
         self.append(self.read(size))
 
     def following(self, size: int) -> bytes:
-        """Read bytes that follow an opcode."""
-        if not 0 <= size <= self._size:
-            raise MotionError(f"it has an array of {size} bytes")
+        """Read bytes that follow an opcode.
+
+        Raises:
+            MotionError: If there are fewer.
+        """
         content = self._stream.read(size)
         if len(content) < size:
             raise MotionError("it ends within an array")
         return content
 
-    def allowed(self) -> dict[str, Callable[..., Any]]:
-        """List what replaces the allowed names.
-
-        Functions, as a pickle may set attributes of a class.
-        """
-        return {
-            "numpy.core.multiarray._reconstruct": lambda *_: Array(),
-            "numpy.core.multiarray.scalar": self._scalar,
-            "numpy.core.numeric._frombuffer": self._from_buffer,
-            "numpy.ndarray": lambda: Array(),
-            "numpy.dtype": lambda name, *_: Dtype(name),
-            "collections.OrderedDict": lambda: {},
-            "_codecs.encode": self._encoded,
-            "joblib.numpy_pickle.NumpyArrayWrapper": lambda *_: _JoblibArray(),
-        }
-
-    def find_class(self, module: str, name: str) -> Any:
-        """Return the replacement of a name."""
-        # numpy 2 renamed its core.
-        full = f"{module}.{name}".replace("numpy._core.", "numpy.core.")
-        found = self.allowed().get(full)
-        if found is None:
-            raise MotionError(
-                f"it uses {module[:80]}.{name[:80]}, which is not allowed"
-            )
-        return found
-
-    def _instantiate(self, what: Any, arguments: Any) -> None:
-        self.append(what(*arguments))
-
-    def load_newobj(self) -> None:
-        """Make an object; Python's own needs a class."""
-        arguments = self.stack.pop()
-        self.stack[-1] = self.stack[-1](*arguments)
-
-    def _scalar(self, kind: Dtype, content: bytes) -> Any:
-        return np.frombuffer(content, kind.dtype, 1)[0]
-
-    def _from_buffer(self, content: Any, kind: Dtype, shape: Any, order: str) -> Any:
-        """Make an array of protocol 5."""
+    def _from_buffer(
+        self, content: Any, kind: Dtype, shape: Any, order: str, axes: Any = None
+    ) -> Array:
+        """Make an array of protocol 5; with axes, numpy 2 transposes it."""
         array = Array()
         array.build((1, shape, kind, order == "F", content), self)
+        if axes is not None:
+            array.value = array.value.transpose(axes)
         return array
 
     def _encoded(self, text: str, _: str = "latin1") -> bytes:
         """Make bytes, which protocol 2 encodes as text."""
-        self.n_encoded += len(text)
-        if self.n_encoded > MAX_TEXT:
-            raise MotionError("its encoded arrays are too large")
+        self._count(len(text))
         return text.encode("latin1")
 
 
-def read_pickle(data: bytes, kind: type[Unpickler] = Unpickler) -> dict[str, Any]:
-    """Read a pickle of a dictionary.
+def _scalar(kind: Dtype, content: bytes) -> Any:
+    """Make a number of numpy."""
+    return np.frombuffer(content, kind.dtype, 1)[0]
+
+
+def read_pickle(
+    data: bytes, reader: Callable[[bytes], Unpickler] = Unpickler
+) -> dict[str, Any]:
+    """Read a pickle of a dictionary; items whose names are not text are left out.
+
+    Args:
+        data: The pickle; more may follow.
+        reader: What resolves its names.
 
     Raises:
         MotionError: If it is damaged or has other content.
     """
     try:
-        found = plain(kind(data).load())
+        found = _plain(reader(data).load(), {})
+    except EOFError as error:
+        raise MotionError("The pickle ends too early.") from error
     # Any error of numpy or Python on a damaged file.
     except Exception as error:
         raise MotionError(f"The pickle cannot be read: {cause(error)}.") from error
@@ -202,25 +293,41 @@ def read_pickle(data: bytes, kind: type[Unpickler] = Unpickler) -> dict[str, Any
         raise MotionError(
             f"The pickle must contain a dict (got {type(found).__name__})."
         )
-    return {name: value for name, value in found.items() if isinstance(name, str)}
+    if not found:
+        raise MotionError("The pickle has no items with names.")
+    return found
 
 
-def plain(value: Any, known: dict[int, Any] | None = None) -> Any:
-    """Replace ``Array`` by its value in dictionaries and lists.
+_CONTAINERS = (Array, dict, list, tuple)
 
-    Args:
-        value: What was read.
-        known: The results by the identity of what was read: it may be there many times.
+
+def _plain(value: Any, known: dict[int, Any]) -> Any:
+    """Replace ``Array`` by its value, also in containers.
+
+    ``known`` has results by the identity of what was read: it may be there many times.
     """
-    known = {} if known is None else known
-    if id(value) in known or not isinstance(value, (Array, dict, list)):
+    if id(value) in known or not isinstance(value, _CONTAINERS):
         return known.get(id(value), value)
     found: Any
     if isinstance(value, Array):
-        found = plain(value.value, known)
+        found = _plain(value.value, known)
     elif isinstance(value, dict):
-        found = {name: plain(item, known) for name, item in value.items()}
+        found = {name: _plain(item, known) for name, item in value.items()}
     else:
-        found = [plain(item, known) for item in value]
+        found = [
+            _plain(item, known) if isinstance(item, _CONTAINERS) else item
+            for item in value
+        ]
     known[id(value)] = found
     return found
+
+
+def pickled(content: Mapping[str, Any]) -> bytes:
+    """Write a pickle that numpy 1 and 2, and joblib, open.
+
+    Args:
+        content: Arrays, numbers and lists by name.
+    """
+    # Protocol 3 has names as text, and no frames; numpy 1 knows only the old name.
+    data = pickle.dumps(dict(content), 3)
+    return cast(bytes, data.replace(b"cnumpy._core.", b"cnumpy.core."))

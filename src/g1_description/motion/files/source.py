@@ -9,18 +9,19 @@ import lzma
 import re
 import stat
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any, Callable
+from typing import Any, Callable, Mapping
 
 import numpy as np
 
 from g1_description.errors import MotionError, cause
 from g1_description.motion.files.pickles import PICKLE, read_pickle
+from g1_description.motion.files.torch_files import is_torch, read_torch
 from g1_description.motion.motion import Motion
-from g1_description.text import listed
+from g1_description.text import MAX_NAME, listed
 
 MAX_FILE_SIZE = 100_000_000
 """Largest file in bytes: more than an hour at 60 Hz as text."""
@@ -31,16 +32,23 @@ MAX_SIZE = 12_000_000
 MAX_BYTES = 250_000_000
 """Largest array of an npz in bytes, decompressed."""
 
-MAX_CONTENT = 400_000_000
+MAX_CONTENT = 200_000_000
 """Most bytes of a compressed file, decompressed."""
 
 MAX_JSON = 10_000_000
 """Longest text in JSON, in characters: it has names, and no samples."""
 
-MAX_LISTED = 10
-"""Most names of motions in a message."""
+MAX_DICTIONARY = 200_000_000
+"""Most memory that xz may use, in bytes; a file says how much it needs."""
 
-ZIP = b"PK"
+MAX_MEMBERS = 10_000
+"""Most files in an npz or a file of torch."""
+
+MAX_HEADER = 10_000
+"""Longest header of an array in bytes; numpy parses it as Python."""
+
+ZIP = b"PK\x03\x04"
+ZIP_MEMBER = b"PK\x01\x02"
 NPY_MAGIC = b"\x93NUMPY"
 
 NPY = "npy"
@@ -50,9 +58,12 @@ COMPRESSED: Mapping[bytes, Callable[[], Any]] = {
     **dict.fromkeys((b"x\x01", b"x^", b"x\x9c", b"x\xda"), zlib.decompressobj),
     b"\x1f\x8b": partial(zlib.decompressobj, zlib.MAX_WBITS | 16),
     b"BZh": bz2.BZ2Decompressor,
-    b"\xfd7zXZ": lzma.LZMADecompressor,
+    **dict.fromkeys(
+        (b"\xfd7zXZ", b"]\x00\x00"),
+        partial(lzma.LZMADecompressor, memlimit=MAX_DICTIONARY),
+    ),
 }
-"""Decompressors by first bytes: of zlib, gzip, bz2 and xz."""
+"""Decompressors by first bytes: of zlib, gzip, bz2, xz and lzma."""
 
 RATE_IN_NAME = re.compile(r"_(\d{1,3})(?:_?hz|_jpos)(?![a-z0-9])", re.IGNORECASE)
 """A rate in the name of a file, such as ``walk.bvh_60hz.csv``."""
@@ -120,12 +131,22 @@ class Arrays(Mapping[str, Any]):
         """Read a list of names."""
         names = self[name]
         if isinstance(names, np.ndarray) and names.dtype.kind == "U":
-            names = names.tolist() if names.ndim == 1 else None
+            names = _texts(names)
         if not isinstance(names, (list, tuple)) or not all(
             isinstance(item, str) for item in names
         ):
             raise MotionError(f"{name} must be a list of names.")
         return tuple(names)
+
+    def holding(self, *keys: str) -> list[str]:
+        """List the names of dictionaries that have these keys."""
+        if not isinstance(self._values, dict):
+            return []  # an npz, whose arrays stay unread
+        return [
+            name
+            for name, value in self._values.items()
+            if isinstance(value, dict) and {*keys} <= {*value}
+        ]
 
     def inside(self, name: str) -> Arrays:
         """Return the arrays of a dictionary that has this name.
@@ -172,7 +193,11 @@ class _Npz(Arrays):
         try:
             size = self._values.zip.getinfo(f"{name}.npy").file_size  # type: ignore[attr-defined]
             if size <= MAX_BYTES:
+                with self._values.zip.open(f"{name}.npy") as file:  # type: ignore[attr-defined]
+                    _check_header(file.read(12))
                 return self._values[name]
+        except MotionError:
+            raise
         # Any error of zipfile or numpy on a damaged file.
         except Exception as error:
             raise _damaged(error) from error
@@ -247,7 +272,7 @@ class MotionSource:
     @cached_property
     def text(self) -> str | None:
         """All text; None if the file is not text in UTF-8."""
-        if self.is_folder:
+        if self.is_folder or self.is_zip:
             return None
         try:
             text = self.data.decode("utf-8-sig")
@@ -261,7 +286,7 @@ class MotionSource:
 
     @cached_property
     def arrays(self) -> Arrays:
-        """Arrays of an npz or a pickled dictionary, also compressed by joblib.
+        """Arrays of an npz, of torch or of a pickled dictionary, also if compressed.
 
         That of an npy is called ``NPY``. Empty for other files.
         """
@@ -271,7 +296,12 @@ class MotionSource:
         try:
             if content.startswith(NPY_MAGIC):
                 return _npy(content)
-            if content.startswith(ZIP) and b".npy" in content:
+            is_zip = content.startswith(ZIP)
+            if is_zip and content.count(ZIP_MEMBER) > MAX_MEMBERS:
+                raise MotionError(f"The zip has more than {MAX_MEMBERS} files.")
+            if is_zip and is_torch(content):
+                return Arrays(read_torch(content))
+            if is_zip and b".npy" in content:
                 return _Npz(np.load(io.BytesIO(content), allow_pickle=False))
         except MotionError:
             raise
@@ -292,14 +322,14 @@ class MotionSource:
         if self.name in names:
             return str(self.name)
         if self.name is not None:
-            raise MotionError(f"There is no motion {self.name!r}; {_some(names)}.")
+            raise MotionError(f"There is no motion {self.name!r}; {listed(names)}.")
         if len(names) == 1:
             return names[0]
         if not names:
             raise MotionError("The file has no motions.")
         raise MotionError(
-            f"The file has several motions: {_some(names)}. Choose one, such as "
-            f"'{self.path.name}#{names[0]}', or take --all."
+            f"The file has several motions: {listed(names)}. Choose one, such as "
+            f"'{self.path.name}#{names[0][:MAX_NAME]}', or take --all."
         )
 
     def timed(self, motion: Motion, usual: float, why: str) -> Motion:
@@ -358,12 +388,12 @@ def split(path: Path) -> tuple[Path, str | None]:
     return path, None
 
 
-def _some(names: Sequence[str]) -> str:
-    """List the first names."""
-    more = len(names) - MAX_LISTED
-    if more <= 0:
-        return listed(names)
-    return f"{', '.join(names[:MAX_LISTED])} and {more} more"
+def _texts(array: np.ndarray) -> Any:
+    """Return an array of text as a list; None if it is none."""
+    try:
+        return array.tolist() if array.ndim == 1 else None
+    except ValueError:  # not all numbers are characters
+        return None
 
 
 def _decompressed(data: bytes, decompressor: Any) -> bytes:
@@ -381,6 +411,7 @@ def _decompressed(data: bytes, decompressor: Any) -> bytes:
 
 def _npy(content: bytes) -> Arrays:
     """Read an npy: an array, or a pickled dictionary."""
+    _check_header(content[:12])
     stream = io.BytesIO(content)
     version = np.lib.format.read_magic(stream)
     header = np.lib.format.read_array_header_1_0
@@ -389,6 +420,13 @@ def _npy(content: bytes) -> Arrays:
     if header(stream)[2].hasobject:
         return Arrays(read_pickle(content[stream.tell() :]))
     return Arrays({NPY: np.load(io.BytesIO(content), allow_pickle=False)})
+
+
+def _check_header(begin: bytes) -> None:
+    """Check the length of an array's header, given the first bytes of the array."""
+    last = 10 if begin[6:7] == b"\x01" else 12
+    if int.from_bytes(begin[8:last], "little") > MAX_HEADER:
+        raise MotionError(f"The header of an array has more than {MAX_HEADER} bytes.")
 
 
 def _damaged(error: Exception) -> MotionError:

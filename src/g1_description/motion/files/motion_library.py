@@ -1,0 +1,148 @@
+"""Motion libraries of PHC's family (ASAP, PBHC, BFM-Zero, SONIC), by joblib.
+
+A dictionary of motions by name; each has ``root_trans_offset``, ``root_rot``, ``dof``,
+``pose_aa`` and ``fps``. Traps:
+
+- ``root_rot`` is x y z w, though SONIC's documents say otherwise; flat feet may tell.
+- Joints have no names. ``pose_aa`` has axis times position of each, which tells ASAP's
+  23 joints from Unitree's; behind them, ASAP and PBHC have three zeros for hands and
+  head, SONIC none.
+- ``fps`` may be missing: SONIC's reader assumes 30. Names may have blanks and slashes.
+- Some files have one such motion without a name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from g1_description.motion.files.conventions import ASAP_JOINTS, G1_JOINTS, layouts
+from g1_description.motion.files.gmr import NAMES, WITHOUT_VELOCITIES, read_arrays
+from g1_description.motion.files.pickles import pickled
+from g1_description.motion.files.source import Arrays, MotionSource
+from g1_description.motion.files.writing import even, number, whole
+from g1_description.motion.motion import Motion
+from g1_description.robot.description import Description
+from g1_description.robot.rotation import from_rotation_vector, to_rotation_vector
+
+ENDINGS = (".pkl", ".pickle")
+
+ARRAYS = ("root_trans_offset", "root_rot", "dof")
+
+SAME_AXIS = 1e-3
+"""Tolerance of axis times position, in [rad]."""
+
+N_EXTENDED = 3
+"""Bodies behind the joints in ASAP's ``pose_aa``: hands and head."""
+
+N_SMPL = 24
+"""Joints of SMPL, whose places readers ask for and do not use."""
+
+NAME = "motion"
+"""Of a motion that is written."""
+
+
+def recognise(source: MotionSource) -> bool:
+    """Return whether a file has such motions."""
+    return ARRAYS[0] in source.arrays or bool(names(source))
+
+
+def names(source: MotionSource) -> Sequence[str]:
+    """List the names of the motions."""
+    return source.arrays.holding(ARRAYS[0])
+
+
+def read(source: MotionSource, robot: Description) -> Motion:
+    """Read the motion that is chosen, or the only one.
+
+    Raises:
+        MotionError: If none is chosen, or an array has a wrong shape or content.
+    """
+    arrays = source.arrays
+    if ARRAYS[0] not in arrays:
+        arrays = arrays.inside(source.chosen(names(source)))
+    found = dict(arrays)
+    if "dof" not in found and "dof_pos" in found:
+        found["dof"] = found["dof_pos"]
+    vectors = found.get("pose_aa")
+    if isinstance(vectors, np.ndarray) and vectors.ndim == 3:
+        axes = arrays.numbers("pose_aa", None, None, 3)
+        if "root_rot" not in found and axes.shape[1]:
+            found["root_rot"] = from_rotation_vector(axes[:, 0])
+        if not {*NAMES} & {*found}:
+            positions = Arrays(found).numbers("dof", len(axes), None)
+            named = _names(axes, positions, robot)
+            found.update({"joint_names": named} if named else {})
+    return read_arrays(source, Arrays(found), robot, ARRAYS)
+
+
+def _names(
+    axes: np.ndarray, positions: np.ndarray, robot: Description
+) -> tuple[str, ...] | None:
+    """Name the joints by their axes; None if these do not tell.
+
+    Args:
+        axes: Rotation vectors of the root, the joints and more, shape (n, m, 3).
+        positions: Of the joints, shape (n, n_joints).
+        robot: The robot.
+    """
+    n_joints = positions.shape[1]
+    known = {joint.name: joint.axis for joint in robot.movable_joints}
+    fitting = []
+    for order in layouts(n_joints, robot):
+        rows = [number for number, name in enumerate(order) if name in known]
+        if axes.shape[1] <= n_joints or not rows:
+            continue
+        turns = positions[:, rows, np.newaxis] * [known[order[row]] for row in rows]
+        errors = np.abs(turns - axes[:, 1:][:, rows])
+        fitting += [order] if errors.max() < SAME_AXIS else []
+    return fitting[0] if len(fitting) == 1 else None
+
+
+def write(
+    motion: Motion, robot: Description, rate: float | None
+) -> tuple[bytes, tuple[str, ...]]:
+    """Write a library of one motion; float32, as upstream's.
+
+    Its joints are the robot's or, of a motion of ASAP's or Unitree's 23 joints, those.
+
+    Args:
+        motion: With a base; joints missing in it are at zero.
+        robot: The robot.
+        rate: Samples per second, in [Hz]; None: those of the motion, on average.
+
+    Returns:
+        The file's content, and messages on differences from the motion.
+
+    Raises:
+        MotionError: If it has no base or too many samples.
+    """
+    of_23 = (ASAP_JOINTS, G1_JOINTS[23])
+    own = {*motion.joint_names}
+    layout = next((order for order in of_23 if {*order} == own), None)
+    found, of_joints = whole(motion, robot, layout)
+    found, fps, of_times = even(found, rate)
+    notes = (*of_joints, *of_times)
+    if motion.velocities is not None:
+        notes = (*notes, WITHOUT_VELOCITIES)
+    base, positions = found.base_poses, found.positions
+    assert base is not None
+    n_samples, n_joints = positions.shape
+    known = {joint.name: joint.axis for joint in robot.movable_joints}
+    axes = np.reshape([known[name] for name in found.joint_names], (n_joints, 3))
+    n_more = N_EXTENDED if layout == ASAP_JOINTS else 0
+    vectors = [
+        to_rotation_vector(base[:, np.newaxis, 3:]),
+        positions[..., np.newaxis] * axes,
+        np.zeros((n_samples, n_more, 3)),
+    ]
+    entry = {
+        "root_trans_offset": base[:, :3],
+        "pose_aa": np.concatenate(vectors, axis=1),
+        "dof": positions,
+        "root_rot": base[:, 3:],
+        "smpl_joints": np.zeros((n_samples, N_SMPL, 3)),
+    }
+    content = {name: array.astype(np.float32) for name, array in entry.items()}
+    return pickled({NAME: {**content, "fps": number(fps)}}), notes

@@ -1,0 +1,594 @@
+"""Formats that are pickles, files of torch, ONNX, XML and JSON: read, and written."""
+
+import io
+import json
+import pickle
+import pickletools
+import struct
+import zipfile
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import REPOSITORY, VENDOR
+from scipy.spatial.transform import Rotation
+
+from g1_description.errors import MotionError, NoMotionError
+from g1_description.motion.files.conventions import (
+    ASAP_JOINTS,
+    G1_JOINTS,
+    ISAAC_JOINTS,
+)
+from g1_description.motion.files.formats import motion_names, read_motion, write_motion
+from g1_description.motion.files.pickles import read_pickle
+from g1_description.motion.motion import Motion
+from g1_description.robot.load import read_model
+
+FOLDER = VENDOR.parents[1] / "motion_formats"
+RANDOM = np.random.default_rng(5)
+N_SAMPLES = 4
+POSITIONS = RANDOM.uniform(-0.2, 0.2, size=(N_SAMPLES, 29))
+PLACES = RANDOM.uniform(0.7, 0.8, size=(N_SAMPLES, 3))
+TURNS = Rotation.from_euler("XYZ", RANDOM.uniform(-0.2, 0.2, size=(N_SAMPLES, 3)))
+BASE = np.concatenate([PLACES, TURNS.as_quat()], axis=1)
+W_FIRST = BASE[:, [6, 3, 4, 5]]
+
+
+@pytest.fixture(scope="module")
+def g1():
+    return read_model(str(REPOSITORY / "urdf" / "g1_29dof.urdf")).description
+
+
+def bodies(array, n_bodies=3):
+    """Repeat rows for bodies, of which only the first is right."""
+    others = np.zeros((len(array), n_bodies - 1, array.shape[1]))
+    others[..., -1] = 1.0
+    return np.concatenate([array[:, np.newaxis], others], axis=1)
+
+
+def gmr():
+    return {
+        "fps": 50,
+        "root_pos": BASE[:, :3],
+        "root_rot": BASE[:, 3:],
+        "dof_pos": POSITIONS,
+    }
+
+
+def entry(positions=POSITIONS, axes=None):
+    """Make a motion of a library, with rotation vectors if axes are given."""
+    found = {
+        "root_trans_offset": BASE[:, :3],
+        "root_rot": BASE[:, 3:],
+        "dof": np.asfortranarray(positions),
+        "fps": 50,
+    }
+    if axes is not None:
+        root = TURNS.as_rotvec()[:, np.newaxis]
+        turns = positions[..., np.newaxis] * axes
+        found["pose_aa"] = np.concatenate([root, turns, np.zeros((4, 3, 3))], axis=1)
+    return found
+
+
+def deployed():
+    order = [G1_JOINTS[29].index(name) for name in ISAAC_JOINTS]
+    return {
+        "joint_pos": POSITIONS[:, order],
+        "body_pos_w": bodies(BASE[:, :3]),
+        "body_quat_w": bodies(W_FIRST),
+        "_body_indexes": np.array([0, 4, 10]),
+    }
+
+
+def framed():
+    rows = np.concatenate([BASE[:, :3], TURNS.as_rotvec(), POSITIONS], axis=1)
+    return {"loop_mode": 1, "fps": 50, "frames": rows.tolist()}
+
+
+def phuma():
+    stream = io.BytesIO()
+    arrays = gmr()
+    content = {"root_trans": arrays["root_pos"], "root_ori": arrays["root_rot"]}
+    np.save(stream, {**content, "dof_pos": arrays["dof_pos"], "fps": 50})
+    return stream.getvalue()
+
+
+def amp_dataset():
+    stream = io.BytesIO()
+    content = {
+        "joints_list": [*G1_JOINTS[29]],
+        "joint_positions": [*POSITIONS],
+        "root_position": [*BASE[:, :3]],
+        "root_quaternion": [*BASE[:, 3:]],
+        "fps": 50.0,
+    }
+    np.save(stream, content)
+    return stream.getvalue()
+
+
+def amp_text():
+    angles = TURNS.as_euler("XYZ")
+    speeds = np.zeros((N_SAMPLES, 35))
+    rows = np.concatenate([BASE[:, :3], angles, POSITIONS, speeds], axis=1).tolist()
+    return json.dumps({"LoopMode": "Wrap", "FrameDuration": 0.02, "Frames": rows})
+
+
+def opcodes(value):
+    """Pickle a value without beginning and end."""
+    return pickle.dumps(value, 2)[2:-1]
+
+
+def tensor(key, shape, stride, offset=0, count=None):
+    """Pickle a tensor as torch does."""
+    count = int(np.prod(shape)) if count is None else count
+    place = b"(" + opcodes("storage") + b"ctorch\nDoubleStorage\n" + opcodes(key)
+    place += opcodes("cpu") + opcodes(count) + b"tQ"
+    arguments = b"(" + place + opcodes(offset) + opcodes(shape) + opcodes(stride)
+    arguments += opcodes(False) + b"ccollections\nOrderedDict\n)Rt"
+    return b"ctorch._utils\n_rebuild_tensor_v2\n" + arguments + b"R"
+
+
+def torch_saved(items, storages):
+    """Make a file of torch.save of pickled items and numbers by key."""
+    content = b"\x80\x02}("
+    content += b"".join(opcodes(name) + value for name, value in items.items())
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        archive.writestr("some name/data.pkl", content + b"u.")
+        for key, array in storages.items():
+            archive.writestr(f"some name/data/{key}", array.astype("<f8").tobytes())
+    return stream.getvalue()
+
+
+STATE = b"cprotomotions.simulator\nStateConversion\n" + opcodes(("common",)) + b"R"
+
+
+def proto_motion():
+    """Make a file whose joints are a view of the columns behind a base."""
+    storages = {
+        "0": np.concatenate([BASE, POSITIONS], axis=1),
+        "1": bodies(BASE[:, :3]),
+        "2": bodies(BASE[:, 3:]),
+    }
+    items = {
+        "state_conversion": STATE,
+        "fps": opcodes(50),
+        "dof_pos": tensor("0", (4, 29), (36, 1), 7, 4 * 36),
+        "rigid_body_pos": tensor("1", (4, 3, 3), (9, 3, 1)),
+        "rigid_body_rot": tensor("2", (4, 3, 4), (12, 4, 1)),
+    }
+    return torch_saved(items, storages)
+
+
+def proto_library():
+    """Make a file of two motions, of which the second one is right."""
+    storages = {
+        "0": np.concatenate([POSITIONS[:1], POSITIONS]),
+        "1": bodies(np.concatenate([BASE[:1], BASE])[:, :3]),
+        "2": bodies(np.concatenate([BASE[:1], BASE])[:, 3:]),
+        "3": np.array([0.0, 1.0]),
+        "4": np.array([1.0, 4.0]),
+        "5": np.array([0.02, 0.02]).astype(np.float32),
+    }
+    items = {
+        "dps": tensor("0", (5, 29), (29, 1)),
+        "gts": tensor("1", (5, 3, 3), (9, 3, 1)),
+        "grs": tensor("2", (5, 3, 4), (12, 4, 1)),
+        "length_starts": tensor("3", (2,), (1,)),
+        "motion_num_frames": tensor("4", (2,), (1,)),
+        "motion_dt": tensor("5", (2,), (1,)),
+        "motion_files": opcodes(("a/one.motion", "a/two.motion")),
+    }
+    return torch_saved(items, storages)
+
+
+def varint(number):
+    found = b""
+    while number > 127:
+        found += bytes([number & 127 | 128])
+        number >>= 7
+    return found + bytes([number])
+
+
+def field(number, value):
+    """Encode a field of protobuf."""
+    if isinstance(value, int):
+        return varint(number << 3) + varint(value)
+    value = value.encode() if isinstance(value, str) else value
+    return varint(number << 3 | 2) + varint(len(value)) + value
+
+
+def onnx_tensor(name, array, raw=True):
+    content = array.astype("<f4").tobytes()
+    found = b"".join(field(1, size) for size in array.shape) + field(2, 1)
+    return found + field(8, name) + field(9 if raw else 4, content)
+
+
+def node(kind, inputs, output, more=b""):
+    found = b"".join(field(1, name) for name in inputs)
+    return field(1, found + field(2, output) + field(4, kind) + more)
+
+
+def policy(outputs=("joint_pos", "body_pos_w", "body_quat_w"), body="pelvis"):
+    """Make a policy: an initializer, a constant, and an array behind an identity."""
+    constant = field(5, field(1, "value") + field(5, onnx_tensor("", bodies(PLACES))))
+    graph = (
+        node("Gather", ["onnx::1", "time_step"], "joint_pos")
+        + node("Constant", [], "places", constant)
+        + node("Gather", ["places", "time_step"], "body_pos_w")
+        + node("Identity", ["turns"], "same")
+        + node("Gather", ["same", "time_step"], "body_quat_w")
+        + field(5, onnx_tensor("onnx::1", POSITIONS[:, ::-1]))
+        + field(5, onnx_tensor("turns", bodies(W_FIRST), raw=False))
+        + b"".join(field(12, field(1, name)) for name in ("actions", *outputs))
+    )
+    metadata = {
+        "joint_names": ",".join(G1_JOINTS[29][::-1]),
+        "body_names": f"{body},torso_link,left_knee_link",
+    }
+    pairs = [field(14, field(1, k) + field(2, v)) for k, v in metadata.items()]
+    return field(1, 8) + field(7, graph) + b"".join(pairs)
+
+
+def keyframes(times=True, model="", more="", joints=POSITIONS):
+    keys = []
+    for number, row in enumerate(np.concatenate([PLACES, W_FIRST, joints], axis=1)):
+        time = f'time="{number * 0.02}"' if times else ""
+        qpos = more + " ".join(map(repr, row.tolist()))
+        keys.append(f'<key name="k{number}" {time} qpos="{qpos}"/>')
+    return (
+        f"<mujoco>{model}<keyframe>{''.join(keys)}<key ctrl='1'/></keyframe></mujoco>"
+    )
+
+
+def worldbody():
+    """Make a model with an object before the robot, and joints in another order."""
+    names = G1_JOINTS[29][::-1]
+    joints = "".join(f'<body><joint name="{name}"/></body>' for name in names)
+    return (
+        '<worldbody><body name="box"><freejoint/></body><body name="pelvis">'
+        f'<joint type="free" name="root"/>{joints}</body></worldbody>'
+    )
+
+
+WHOLE = {
+    "gmr.pkl": lambda: pickle.dumps(gmr()),
+    "library.pkl": lambda: pickle.dumps({"walk": entry()}),
+    "unnamed.pkl": lambda: pickle.dumps(entry()),
+    "deploy.pkl": lambda: pickle.dumps({"walk": deployed()}),
+    "mimickit.pkl": lambda: pickle.dumps(framed()),
+    "phuma.npy": phuma,
+    "amp.npy": amp_dataset,
+    "amp.txt": amp_text,
+    "proto.motion": proto_motion,
+    "proto.pt#a/two.motion": proto_library,
+    "policy.onnx": policy,
+    "keyframes.xml": keyframes,
+    "poses.xml#k0": lambda: keyframes(times=False),
+}
+
+
+def given(file, name, content):
+    """Write a file; return its path with the name of the motion."""
+    plain, *motion = name.split("#")
+    return Path("#".join([str(file(content, plain)), *motion]))
+
+
+def assert_is_the_motion(motion, count=N_SAMPLES, most=1e-6):
+    columns = [G1_JOINTS[29].index(name) for name in motion.joint_names]
+    np.testing.assert_allclose(motion.positions, POSITIONS[:count, columns], atol=most)
+    np.testing.assert_allclose(motion.base_poses[:, :3], PLACES[:count], atol=most)
+    cosines = np.abs((motion.base_poses[:, 3:] * BASE[:count, 3:]).sum(axis=1))
+    np.testing.assert_allclose(cosines, 1.0, atol=most)
+    np.testing.assert_allclose(motion.times, np.arange(count) / 50.0, atol=most)
+
+
+@pytest.mark.parametrize("name", WHOLE)
+def test_what_others_write_is_read(g1, file, name):
+    motion = read_motion(given(file, name, WHOLE[name]()), g1)
+    assert_is_the_motion(motion, 1 if "poses" in name else N_SAMPLES)
+
+
+@pytest.mark.parametrize("name", WHOLE)
+def test_a_damaged_file_is_read_or_refused_in_a_sentence(g1, file, name):
+    whole = WHOLE[name]()
+    whole = whole.encode() if isinstance(whole, str) else whole
+    random = np.random.default_rng(11)
+    refused = 0
+    for _ in range(100):
+        data = bytearray(whole[: random.integers(1, len(whole) + 1)])
+        if random.integers(2):
+            data = bytearray(whole)
+            for _ in range(random.integers(1, 5)):
+                data[random.integers(min(len(data), 600))] = random.integers(256)
+        try:
+            read_motion(given(file, name, bytes(data)), g1)
+        except MotionError as error:
+            refused += 1
+            assert "\n" not in str(error)
+            assert len(str(error)) < 500
+    assert refused > 20
+
+
+@pytest.mark.parametrize(
+    "file_name", ["sonic_motion_lib.pkl", "pbhc_two.pkl", "protomotions_lib.pt"]
+)
+def test_one_of_several_motions_is_chosen_by_its_name(g1, file_name):
+    path = FOLDER / file_name
+    if not path.exists():
+        pytest.skip(f"{file_name} is not beside the repository")
+    about = json.loads((FOLDER / "index.json").read_text())["files"][file_name]
+    names = [*about["motions"]]
+    assert [*motion_names(path)] == names
+    with pytest.raises(MotionError, match="has several motions: ") as error:
+        read_motion(path, g1)
+    assert all(name in str(error.value) for name in names)
+    with pytest.raises(MotionError, match="There is no motion 'jump'; "):
+        read_motion(Path(f"{path}#jump"), g1)
+    truth = np.loadtxt(FOLDER / about["truth"], delimiter=",")
+    for name, rows in about["motions"].items():
+        motion = read_motion(Path(f"{path}#{name}"), g1)
+        wanted = truth[slice(*rows)]
+        columns = [7 + G1_JOINTS[29].index(joint) for joint in motion.joint_names]
+        np.testing.assert_allclose(motion.positions, wanted[:, columns], atol=1e-6)
+        np.testing.assert_allclose(motion.base_poses[:, :3], wanted[:, :3], atol=1e-6)
+
+
+def test_a_file_without_names_has_no_motion_of_a_name(g1, file):
+    path = file(pickle.dumps(gmr()))
+    with pytest.raises(MotionError, match="no motions with names"):
+        read_motion(Path(f"{path}#walk"), g1)
+
+
+@pytest.mark.parametrize("names", [ASAP_JOINTS, G1_JOINTS[23]])
+def test_axes_in_a_library_tell_the_layout_of_23_joints(g1, file, names):
+    """Without them, both layouts would be possible."""
+    axis = {joint.name: joint.axis for joint in g1.movable_joints}
+    content = {"a": entry(POSITIONS[:, :23], np.array([axis[n] for n in names]))}
+    motion = read_motion(file(pickle.dumps(content)), g1)
+    assert motion.joint_names == names
+    assert not [note for note in motion.notes if "ambiguous" in note]
+    del content["a"]["root_rot"], content["a"]["fps"]
+    motion = read_motion(file(pickle.dumps(content)), g1)
+    np.testing.assert_allclose(motion.base_poses, BASE, atol=1e-9)
+    assert "assuming 30 Hz" in motion.notes[0]
+
+
+def test_names_in_a_library_are_those_of_the_joints(g1, file):
+    axes = np.eye(3)[np.zeros(21, dtype=int)]
+    content = entry(POSITIONS[:, :21], axes)
+    path = file(pickle.dumps({**content, "dof_names": [*G1_JOINTS[29][:21]]}))
+    assert read_motion(path, g1).joint_names == G1_JOINTS[29][:21]
+    with pytest.raises(MotionError, match="21 unnamed joints"):
+        read_motion(file(pickle.dumps(content)), g1)
+
+
+def test_names_in_arrays_of_gmr_are_those_of_the_joints(g1, file):
+    names = G1_JOINTS[29][::-1]
+    for given_names in (np.array(names), np.array(names, dtype=object), [*names]):
+        content = {**gmr(), "dof_pos": POSITIONS[:, ::-1], "joint_names": given_names}
+        assert_is_the_motion(read_motion(file(pickle.dumps(content)), g1))
+    content["joint_names"] = names[:5]
+    with pytest.raises(MotionError, match="5 names for 29 joints"):
+        read_motion(file(pickle.dumps(content)), g1)
+
+
+def test_a_model_names_the_joints_of_keyframes(g1, file):
+    box = "0 0 0 1 0 0 0 "
+    joints = POSITIONS[:, ::-1]
+    path = file(keyframes(model=worldbody(), more=box, joints=joints))
+    assert_is_the_motion(read_motion(path, g1))
+    with pytest.raises(MotionError, match=r"36 numbers, but .* need 43"):
+        read_motion(file(keyframes(model=worldbody())), g1)
+    part = worldbody() + '<include file="more.xml"/>'
+    assert_is_the_motion(read_motion(file(keyframes(model=part)), g1))
+
+
+def test_keyframes_without_times_are_poses_or_have_a_rate(g1, file):
+    path = file(keyframes(times=False))
+    with pytest.raises(MotionError, match=r"no times.*such as 'motion#k0': k0, k1, k2"):
+        read_motion(path, g1)
+    assert [*motion_names(path)] == ["k0", "k1", "k2", "k3"]
+    assert_is_the_motion(read_motion(path, g1, 50.0))
+    with pytest.raises(NoMotionError, match="no keyframes"):
+        read_motion(file("<mujoco><worldbody/></mujoco>"), g1)
+
+
+@pytest.mark.parametrize(
+    "content, words",
+    [
+        (lambda: policy(outputs=()), "outputs actions, but not joint_pos, body_pos_w"),
+        (lambda: policy(body="head_link"), "does not track pelvis"),
+        (lambda: field(1, 8) + b"\x7f" * 30, "damaged, or is none"),
+        (lambda: policy().replace(b"Gather", b"MatMul"), "not taken from an array"),
+    ],
+)
+def test_a_policy_without_a_reference_is_told(g1, file, content, words):
+    with pytest.raises(MotionError, match=words):
+        read_motion(file(content(), "policy.onnx"), g1)
+
+
+def test_numpys_new_names_and_protocol_5_are_read():
+    arrays = {"a": np.asfortranarray(POSITIONS), "b": POSITIONS.T, "c": np.float32(2)}
+    for protocol in (2, 3, 4, 5):
+        data = pickle.dumps(arrays, protocol)
+        if protocol < 4:
+            data = data.replace(b"cnumpy.core.", b"cnumpy._core.")
+        for name, value in read_pickle(data).items():
+            np.testing.assert_array_equal(value, arrays[name])
+
+
+@pytest.mark.parametrize(
+    "compress",
+    [0, 3, ("gzip", 3), ("bz2", 3), ("xz", 3), ("lzma", 3)],
+    ids=lambda compress: str(compress),
+)
+def test_what_joblib_writes_is_read(g1, tmp_path, compress):
+    joblib = pytest.importorskip("joblib")
+    path = tmp_path / "library.pkl"
+    joblib.dump({"walk": entry()}, path, compress=compress)
+    assert_is_the_motion(read_motion(path, g1))
+
+
+JOBLIB = b"\x80\x02cjoblib.numpy_pickle\nNumpyArrayWrapper\n)\x81}("
+
+
+def wrapped(shape, **more):
+    """Make joblib's note of an array, in a dictionary."""
+    state = {"shape": shape, "order": "C", **more}
+    items = b"".join(opcodes(name) + opcodes(value) for name, value in state.items())
+    return JOBLIB + items + opcodes("dtype") + opcodes(np.dtype("<f8")) + b"ub"
+
+
+@pytest.mark.parametrize("padding", [None, 3])
+def test_joblibs_arrays_follow_their_opcodes(padding):
+    """As written by joblib before 1.2, and since then with padding."""
+    numbers = np.arange(6.0)
+    more = {} if padding is None else {"numpy_array_alignment_bytes": 16}
+    data = wrapped((2, 3), **more)
+    data = data[:2] + b"}" + opcodes("a") + data[2:]
+    if padding is not None:
+        data += bytes([padding]) + b"\xff" * padding
+    found = read_pickle(data + numbers.tobytes() + b"s.")
+    np.testing.assert_array_equal(found["a"], numbers.reshape(2, 3))
+
+
+def test_content_that_was_compressed_by_joblib_is_read(g1, file):
+    path = file(zlib.compress(pickle.dumps({"walk": entry()})))
+    assert_is_the_motion(read_motion(path, g1))
+
+
+def motion_of(names, rate):
+    """Make a motion of some of the joints of the G1."""
+    columns = [G1_JOINTS[29].index(name) for name in names]
+    times = np.arange(N_SAMPLES) / rate
+    return Motion(times, tuple(names), POSITIONS[:, columns], base_poses=BASE)
+
+
+@pytest.mark.parametrize("name, most", [("gmr", 0.0), ("motion_library", 1e-7)])
+@pytest.mark.parametrize("rate", [30.0, 50.0, 29.97])
+@pytest.mark.parametrize(
+    "names", [G1_JOINTS[29], ASAP_JOINTS, G1_JOINTS[23], G1_JOINTS[29][::-1]]
+)
+def test_what_is_written_is_read_as_the_same(g1, tmp_path, name, most, rate, names):
+    path = tmp_path / "motion.pkl"
+    wanted = motion_of(names, rate)
+    write_motion(path, wanted, g1, name=name)
+    found = read_motion(path, g1, name=name)
+    assert not [note for note in found.notes if "quaternion" in note]
+    columns = [found.joint_names.index(joint) for joint in names]
+    np.testing.assert_allclose(
+        found.positions[:, columns], wanted.positions, rtol=0, atol=most
+    )
+    np.testing.assert_allclose(found.base_poses, BASE, rtol=0, atol=most)
+    np.testing.assert_allclose(found.times, wanted.times, atol=1e-12)
+    if name == "motion_library" and len(names) == 23:
+        assert found.joint_names == names
+
+
+def test_a_library_has_what_its_readers_need(g1, tmp_path):
+    path = tmp_path / "motion.pkl"
+    write_motion(path, motion_of(ASAP_JOINTS, 30.0), g1, name="motion_library")
+    (found,) = pickle.loads(path.read_bytes()).values()
+    assert found["pose_aa"].shape == (N_SAMPLES, 1 + 23 + 3, 3)
+    vectors = TURNS.as_rotvec()
+    np.testing.assert_allclose(found["pose_aa"][:, 0], vectors, rtol=0, atol=1e-6)
+    axis = {joint.name: joint.axis for joint in g1.movable_joints}
+    wanted = found["dof"][..., np.newaxis] * [axis[name] for name in ASAP_JOINTS]
+    np.testing.assert_allclose(found["pose_aa"][:, 1:24], wanted, atol=1e-7)
+    assert not found["pose_aa"][:, 24:].any()
+    assert (found["fps"], type(found["fps"])) == (30, int)
+    assert found["smpl_joints"].shape == (N_SAMPLES, 24, 3)
+
+
+def test_bodies_are_where_gmrs_own_program_places_them(g1, tmp_path):
+    """Another revision of the robot: its torso by 10 mm."""
+    source = FOLDER / "gmr_dataset.pkl"
+    if not source.exists():
+        pytest.skip("gmr_dataset.pkl is not beside the repository")
+    path = tmp_path / "motion.pkl"
+    write_motion(path, read_motion(source, g1), g1, name="gmr")
+    found, wanted = (read_pickle(p.read_bytes()) for p in (path, source))
+    assert {*found} == {*wanted}
+    rows = [found["link_body_list"].index(name) for name in wanted["link_body_list"]]
+    offsets = found["local_body_pos"][:, rows] - wanted["local_body_pos"]
+    assert np.abs(offsets).max() < 0.012
+
+
+@pytest.mark.parametrize(
+    "file_name, choice",
+    [("sonic_motion_lib.pkl", "#M_ShortMove13_0"), ("pbhc.pkl", "")],
+)
+def test_a_library_is_as_upstreams_programs_wrote_it(g1, tmp_path, file_name, choice):
+    source, path = FOLDER / file_name, tmp_path / "motion.pkl"
+    if not source.exists():
+        pytest.skip(f"{file_name} is not beside the repository")
+    motion = read_motion(Path(f"{source}{choice}"), g1)
+    write_motion(path, motion, g1, name="motion_library")
+    (found,) = pickle.loads(path.read_bytes()).values()
+    wanted = next(iter(read_pickle(zlib_or_plain(source)).values()))
+    assert {*found} == {*wanted}
+    for name in ("root_trans_offset", "pose_aa", "dof", "root_rot"):
+        assert found[name].dtype == wanted[name].dtype
+        np.testing.assert_allclose(found[name], wanted[name], rtol=0, atol=1e-6)
+
+
+def zlib_or_plain(path):
+    """Give the content of a file of joblib, which may be compressed."""
+    data = path.read_bytes()
+    return zlib.decompress(data) if data.startswith(b"x") else data
+
+
+@pytest.mark.parametrize("name", ["gmr", "motion_library"])
+def test_a_written_pickle_names_what_old_and_new_numpy_have(g1, tmp_path, name):
+    path = tmp_path / "motion.pkl"
+    write_motion(path, motion_of(G1_JOINTS[29], 30.0), g1, name=name)
+    steps = pickletools.genops(path.read_bytes())
+    names = {argument for step, argument, _ in steps if step.name == "GLOBAL"}
+    old = {"numpy.core.multiarray _reconstruct", "numpy ndarray", "numpy dtype"}
+    assert names - {"_codecs encode"} == old
+
+
+def test_velocities_that_a_format_does_not_have_are_told(g1, tmp_path):
+    motion = motion_of(G1_JOINTS[29], 30.0)
+    speeds = Motion(motion.times, motion.joint_names, motion.positions, POSITIONS, BASE)
+    for name in ("gmr", "motion_library"):
+        (note,) = write_motion(tmp_path / "motion.pkl", speeds, g1, name=name)
+        assert "has no velocities" in note
+    bare = Motion(motion.times, motion.joint_names, motion.positions)
+    with pytest.raises(MotionError, match="needs base poses"):
+        write_motion(tmp_path / "motion.pkl", bare, g1, name="gmr")
+
+
+@pytest.mark.parametrize(
+    "content, words",
+    [
+        (b"\x80\x02\x82\x01.", "opcode 0x82, which is not allowed"),
+        (b"\x80\x02L" + b"9" * 100_000 + b"L\n.", "opcode 0x4c"),
+        (b"\x80\x02K\x01Q.", "persistent id"),
+        (wrapped((2**40, 2)) + b".", "impossible shape"),
+        (wrapped((100,)) + bytes(500), "ends within an array"),
+        (b"\x80\x05\x96" + struct.pack("<Q", 10**10), "array of 10000000000 bytes"),
+        (b"\x80\x02ccollections\nOrderedDict\nK\x01R.", "wrong arguments of a call"),
+        (b"\x80\x02]K\x01K\x01s.", "sets items of list"),
+    ],
+)
+def test_a_pickle_of_other_opcodes_is_refused(content, words):
+    with pytest.raises(MotionError, match=words):
+        read_pickle(content)
+
+
+def test_registered_extensions_stay_as_they_are(monkeypatch):
+    """Python's own reader would keep the replacement of a name for all programs."""
+    import copyreg
+
+    monkeypatch.setitem(copyreg._inverted_registry, 1, ("numpy", "dtype"))
+    before = dict(copyreg._extension_cache)
+    with pytest.raises(MotionError, match="opcode 0x82"):
+        read_pickle(b"\x80\x02\x82\x01.")
+    assert copyreg._extension_cache == before
+
+
+def test_names_that_are_not_text_are_left_out():
+    assert read_pickle(pickle.dumps({"a": 1, 2: 3, (4,): 5})) == {"a": 1}
