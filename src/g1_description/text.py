@@ -15,7 +15,10 @@ MAX_NAME = 80
 def listed(names: Iterable[str]) -> str:
     """Join names for a sentence, cut short where there are very many."""
     once = list(dict.fromkeys(names))
-    shown = ", ".join(name[:MAX_NAME] if name else "''" for name in once[:MAX_NAMES])
+    shown = ", ".join(
+        name[:MAX_NAME] if name and name.isprintable() else repr(name[:MAX_NAME])
+        for name in once[:MAX_NAMES]
+    )
     more = len(once) - MAX_NAMES
     return shown + (f" and {more} more" if more > 0 else "")
 

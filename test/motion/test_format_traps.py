@@ -2,6 +2,7 @@
 
 import io
 import json
+import time
 
 import numpy as np
 import pytest
@@ -308,6 +309,10 @@ def test_hdmi_is_read_by_names(g1, tmp_path):
         read_motion(lacking, g1)
     with pytest.raises(MotionError, match="fps must be one number greater than 0"):
         read_motion(write_hdmi(tmp_path / "c", fps=0), g1)
+    (folder / "meta.json").write_text("{}")
+    other = folder / "other.npz"  # of BeyondMimic: meta.json is somebody else's
+    other.write_bytes(npz(**np.load(folder / "motion.npz"), fps=[50]))
+    assert read_motion(other, g1).times[1] == 0.02
     (folder / "meta.json").unlink()
     with pytest.raises(MotionError, match="The array fps is missing"):
         read_motion(folder / "motion.npz", g1)
@@ -398,6 +403,18 @@ def lying():
     return "\n".join(",".join(map(repr, row)) for row in base.tolist())
 
 
+def test_a_robot_that_stands_in_both_orders_is_told_of(g1, file):
+    """Upright along x: in the other order it faces backward."""
+    row = ",".join(["0", "0", "0.8", "0", "0", "0", "1", *["0"] * 29])
+    (note,) = read_motion(file(row), g1, 30.0).notes
+    assert note.endswith("feet are flat in w x y z, too; --order tells for certain.")
+    for order, yaw in (("xyzw", 0.0), ("wxyz", np.pi)):
+        motion = read_motion(file(row), g1, 30.0, order=order)
+        turn = Rotation.from_quat(motion.base_poses[0, 3:])
+        assert motion.notes == ()
+        assert turn.as_euler("xyz")[2] == pytest.approx(yaw)
+
+
 def test_the_order_that_the_user_tells_counts_everywhere(file):
     path = file(lying(), "lying.csv")
     robot = Robot()
@@ -479,6 +496,42 @@ def test_a_damaged_file_is_read_or_refused_with_a_sentence(g1, file, content):
 def test_arrays_of_wrong_shapes_are_told(g1, file, arrays):
     with pytest.raises(MotionError, match=r"^motion: .*\.$"):
         read_motion(file(npz(**arrays)), g1)
+
+
+def wide():
+    rows = np.zeros((1, 7 + 7_000_000))
+    rows[0, 3] = 1.0
+    return npz(qpos=rows, fps=30)
+
+
+@pytest.mark.parametrize(
+    "content, words",
+    [
+        (wide, "has 7000000 unnamed joints"),
+        (
+            lambda: npz(
+                qpos=configurations(), fps=30, split_points=np.zeros(9_000_000)
+            ),
+            "split_points has 8999999 motions; the limit is 100000",
+        ),
+        (lambda: holomotion("ref_", a="b" * 20_000_000), "20 million characters"),
+        (
+            lambda: npz(
+                metadata=np.array('{"a":' + "[" * 900_000),
+                ref_dof_pos=np.zeros((N, 29)),
+                ref_global_translation=np.zeros((N, 3)),
+                ref_global_rotation_quat=np.ones((N, 4)),
+            ),
+            "metadata is not valid JSON",
+        ),
+    ],
+)
+def test_a_hostile_array_is_refused_at_once(g1, file, content, words):
+    path = file(content())
+    begin = time.process_time()
+    with pytest.raises(MotionError, match=words):
+        read_motion(path, g1)
+    assert time.process_time() - begin < 5.0
 
 
 def changed(*joints, value):

@@ -185,7 +185,8 @@ def test_without_times_thirty_hertz_are_assumed_and_told(g1, file):
     motion = read_motion(file(f"{row}\n{row}\n"), g1)
     assert motion.times.tolist() == [0.0, 1 / 30]
     assert "assuming 30 Hz" in motion.notes[0]
-    assert read_motion(file(f"{row}\n{row}\n"), g1, 50.0).notes == ()
+    told = read_motion(file(f"{row}\n{row}\n"), g1, 50.0, order="xyzw")
+    assert told.notes == ()
 
 
 def test_the_header_that_numpy_writes_names_the_columns(g1, file):
@@ -212,7 +213,7 @@ def test_a_header_that_numpy_writes_counts_for_a_table_of_36_columns(g1, file):
 def test_a_comment_above_a_table_without_a_header_is_a_comment(g1, file):
     row = ",".join(["0", "0", "0.8", "0", "0", "0", "1", *["0.1"] * 29])
     content = "# time, and more\n# time," + ",".join(["x"] * 40) + "\n"
-    assert read_motion(file(content + row), g1, 30.0).notes == ()
+    assert read_motion(file(content + row), g1, 30.0, order="xyzw").notes == ()
 
 
 def point(positions, secs, nsecs):
@@ -397,6 +398,10 @@ BAD = {
     "alias": (
         lambda: pickle.dumps({**gmr(), "dof_pos": nested(9)}),
         "must contain numbers",
+    ),
+    "name of lines": (
+        lambda: pickle.dumps({"a\nb": 1}),
+        r"No known format has the arrays 'a\\nb'",
     ),
     "alias of an npy": (
         lambda: pickle.dumps({"npy": nested(9)}),

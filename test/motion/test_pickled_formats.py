@@ -374,6 +374,24 @@ def test_names_in_arrays_of_gmr_are_those_of_the_joints(g1, file):
         read_motion(file(pickle.dumps(content)), g1)
 
 
+def test_places_that_are_all_zero_are_told(g1, file):
+    content = deployed()
+    content["body_pos_w"] = np.zeros_like(content["body_pos_w"])
+    (*_, note) = read_motion(file(pickle.dumps({"walk": content})), g1, 50.0).notes
+    assert "the place of the base is unknown" in note
+    content["_body_indexes"] = np.array([4, 10, 18])
+    with pytest.raises(MotionError, match="The bodies have no root"):
+        read_motion(file(pickle.dumps({"walk": content})), g1)
+
+
+def test_a_file_of_torch_runs_nothing(g1, file, tmp_path):
+    mark = tmp_path / "was_here"
+    call = b"cposix\nmkdir\n" + opcodes((str(mark),)) + b"R"
+    with pytest.raises(MotionError, match=r"uses posix\.mkdir"):
+        read_motion(file(torch_saved({"fps": call}, {})), g1)
+    assert not mark.exists()
+
+
 def test_a_model_names_the_joints_of_keyframes(g1, file):
     box = "0 0 0 1 0 0 0 "
     joints = POSITIONS[:, ::-1]

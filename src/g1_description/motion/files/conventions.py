@@ -79,6 +79,11 @@ MAX_ANGLE = 10.0
 
 W_FIRST = "Base quaternions are read as w x y z: only then are the feet flat."
 
+EITHER = (
+    "Base quaternions are read as x y z w, though the feet are flat in w x y z, too; "
+    "--order tells for certain."
+)
+
 UNKNOWN_QUATERNION = (
     "Cannot tell the quaternion order of the base: the feet are flat in neither. Give "
     "it: --order xyzw or --order wxyz."
@@ -182,7 +187,7 @@ def w_last(
     (the median of up to 100 samples) was smaller in the right order in all, at most 17
     degrees, and 13 to 180 in the wrong one. It does not decide for a robot that lies; a
     robot without ``SOLES`` is not checked. If the robot stands upright in both orders,
-    x y z w is assumed.
+    x y z w is assumed, with a message.
 
     Args:
         motion: With a base, whose quaternions are as in the file.
@@ -210,7 +215,8 @@ def w_last(
     if min(as_read, turned) > MAX_TILT and not is_told:
         raise MotionError(UNKNOWN_QUATERNION)
     if as_read <= turned + SAME_TILT or turned > MAX_TILT:
-        return motion
+        is_open = abs(as_read - turned) <= SAME_TILT and not is_told
+        return replace(motion, notes=(*motion.notes, *([EITHER] if is_open else ())))
     return replace(other, notes=(*motion.notes, W_FIRST))
 
 

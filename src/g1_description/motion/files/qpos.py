@@ -48,6 +48,12 @@ MANIFEST_ABOVE = 3
 FREE = 7
 """Numbers of a free body: place and quaternion."""
 
+MAX_OBJECTS = 10
+"""Most objects behind unnamed joints."""
+
+MAX_MOTIONS = 100_000
+"""Most motions of a file."""
+
 UNIT = 0.01
 """Tolerance of the length of a quaternion."""
 
@@ -67,10 +73,16 @@ def recognise(source: MotionSource) -> bool:
 
 
 def names(source: MotionSource) -> tuple[str, ...]:
-    """Number the motions of a file that has several."""
+    """Number the motions of a file that has several.
+
+    Raises:
+        MotionError: If there are very many.
+    """
     if SPLITS not in source.arrays:
         return ()
     count = len(source.arrays.numbers(SPLITS, None)) - 1
+    if count > MAX_MOTIONS:
+        raise MotionError(f"{SPLITS} has {count} motions; the limit is {MAX_MOTIONS}.")
     return tuple(map(str, range(count))) if count > 1 else ()
 
 
@@ -186,18 +198,17 @@ def _joints(
 def _count(rest: np.ndarray, robot: Description) -> int:
     """Count the unnamed joints: others than those of a robot are objects."""
     width = rest.shape[1]
-    for n_objects in range(width // FREE + 1):
+    for n_objects in range(min(width // FREE, MAX_OBJECTS) + 1):
         n_joints = width - FREE * n_objects
-        objects = rest[:, n_joints:].reshape(len(rest), n_objects, FREE)
-        fits = all(
-            _is_turn(objects[:, number, 3:]) or _is_turn(objects[:, number, :4])
-            for number in range(n_objects)
-        )
         try:
             layouts(n_joints, robot)
         except MotionError:
             continue
-        if fits:
+        objects = rest[:, n_joints:].reshape(len(rest), n_objects, FREE)
+        if all(
+            _is_turn(objects[:, number, 3:]) or _is_turn(objects[:, number, :4])
+            for number in range(n_objects)
+        ):
             return n_joints
     return width
 

@@ -4,7 +4,7 @@ Each has ``joint_pos, joint_vel, body_pos_w, body_quat_w, _body_indexes``. Traps
 
 - The 29 joints are in Isaac Lab's order, quaternions w x y z.
 - There are 14 of the bodies; ``_body_indexes`` are Isaac Lab's, of which 0 is the root.
-- There is no rate: 50 Hz by definition.
+- There is no rate: 50 Hz by definition. Places may be all zero: there are none then.
 """
 
 from __future__ import annotations
@@ -57,6 +57,10 @@ def read(source: MotionSource, robot: Description) -> Motion:
         raise MotionError("The bodies have no root: none has the index 0.")
     root = bodies.index(0.0)
     base = base_of(places[:, root], turns[:, root])
+    notes: tuple[str, ...] = ()
+    if not places[:, root].any():
+        zeros = "body_pos_w has only zeros for the root"
+        notes = (f"{zeros}: the place of the base is unknown, and shown as 0.",)
     times = np.arange(n_samples)
-    motion = Motion(times, ISAAC_JOINTS, positions, velocities, base)
+    motion = Motion(times, ISAAC_JOINTS, positions, velocities, base, notes)
     return source.timed(motion, RATE, "the rate of SONIC's files")

@@ -35,6 +35,9 @@ MAX_BYTES = 250_000_000
 MAX_CONTENT = 200_000_000
 """Most bytes of a compressed file, decompressed."""
 
+MAX_JSON = 10_000_000
+"""Longest text in JSON, in characters: it has names, and no samples."""
+
 MAX_DICTIONARY = 200_000_000
 """Most memory that xz may use, in bytes; a file says how much it needs."""
 
@@ -357,6 +360,11 @@ def parsed(text: str | None, what: str) -> Arrays:
     Raises:
         MotionError: If it is none.
     """
+    if len(text or "") > MAX_JSON:
+        raise MotionError(
+            f"{what} has {len(text or '') / 1e6:.0f} million characters; the limit is "
+            f"{MAX_JSON / 1e6:.0f}."
+        )
     try:
         found = json.loads(text or "")
     except (ValueError, RecursionError) as error:
