@@ -78,6 +78,7 @@ class Cluster(Here):
             ClusterError: If there is no such cluster, or its workers cannot check.
         """
         super().__init__(checker)
+        self._files = checker
         self._address = address if "://" in address else f"tcp://{address}"
         self._dask = _library()
         self._client = self._connected()
@@ -152,12 +153,12 @@ class Cluster(Here):
         try:
             size = task.path.stat().st_size
             is_bag = bag.recognise(MotionSource(task.path))
-            if not is_bag and size <= MAX_FILE_SIZE and self.checker.topic is None:
+            if not is_bag and size <= MAX_FILE_SIZE and self._files.topic is None:
                 return task.path.read_bytes()
         except (OSError, MotionError):
             pass  # the reader reports the error
         # Most of a bag may be other topics, which need not be sent.
-        return self.checker.read(task.name, task.path)
+        return self._files.read(task.name, task.path)
 
     def result(self, task: Task, future: Future[FileResult]) -> FileResult:
         """Return the outcome of a file that is done."""
