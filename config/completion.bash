@@ -14,21 +14,23 @@ _g1_description_poses() {
         "${ROS_HOME:-$HOME/.ros}/g1_description/poses.yaml" 2>/dev/null
 }
 
-# Options by command, those without a value, those whose value is a file, and the links of
-# the doctor; tools/tables writes them.
+# Options by command, those without a value, those whose value is a file, the commands of
+# motion, and the links of the doctor; tools/tables writes them.
 declare -gA _g1_description_options
 # table of commands
 _g1_description_options[check]="--collisions --csv --dask --fixed-base --fps --help --html --jobs --json --model --no-visual-hulls --only --physics --plot --quiet --thresholds --topic"
 _g1_description_options[collision_pairs]="--help --out --samples --seed"
 _g1_description_options[doctor]="--help --json --namespace --until"
 _g1_description_options[import_model]="--convex-collisions --decimate --force --help --keep-missing --out --tolerance"
+_g1_description_options[motion]="--all --begin --blend --duration --end --fastest --force --format --fps --from --help --jobs --joint-order --joints --json --model --names --order --out --rate --seconds --speed --stay --to --topic --until"
 _g1_description_options[play]="--base-frame --fps --from --help --lead-in --loop --namespace --on-floor --speed --start-here --to --topic"
 _g1_description_options[pose]="--about --file --force --help --list --namespace --save --seconds"
 _g1_description_options[record]="--force --gazebo --help --model --namespace --rate --seconds"
 _g1_description_options[snapshot]="--fps --gif --help --joints --model --motion --motion-fps --motion-topic --namespace --seconds --size --times --view"
 _g1_description_options[web]="--compare --fps --help --host --model --motion --port --read-only --thresholds --topic"
-_g1_description_flags=" --convex-collisions --fixed-base --force --gif --json --keep-missing --list --loop --no-visual-hulls --on-floor --physics --quiet --read-only --start-here "
+_g1_description_flags=" --all --convex-collisions --fastest --fixed-base --force --gif --json --keep-missing --list --loop --no-visual-hulls --on-floor --physics --quiet --read-only --start-here --stay "
 _g1_description_files=" --collisions --compare --csv --file --html --json --model --motion --out --plot --thresholds "
+_g1_description_motion="info convert cut join mirror retime resample pad floor rename"
 _g1_description_links="python packages master address nodes description meshes simulator clock time link_states bridge model urdf joint_states state_publisher tf diagnostics picture"
 # end of commands
 
@@ -38,6 +40,8 @@ _g1_description_rosrun() {
     [[ $COMP_CWORD -ge 3 && ${COMP_WORDS[1]} == g1_description ]] && command=${COMP_WORDS[2]}
     if [[ -z $command || -z ${_g1_description_options[$command]-} ]]; then
         _g1_description_otherwise rosrun "$@"
+    elif [[ $command == motion && $COMP_CWORD == 3 ]]; then
+        mapfile -t COMPREPLY < <(compgen -W "$_g1_description_motion --help" -- "$word")
     elif [[ $command == doctor ]]; then
         _g1_description_doctor "$word" "$before"
     elif [[ $command != pose ]]; then

@@ -1,4 +1,4 @@
-"""The files to check: given files, and motions in folders."""
+"""Files of motions: given ones, and those in folders."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 
 from g1_description.checks.batch import Task
 from g1_description.errors import InvalidValueError
-from g1_description.motion.files.formats import ENDINGS
+from g1_description.motion.files.formats import ENDINGS, is_motion_folder
 
 
 @dataclass(frozen=True)
@@ -45,14 +45,14 @@ def motion_files(paths: Sequence[Path]) -> MotionFiles:
         return found.setdefault(os.path.realpath(path), (str(path), path))[0]
 
     for path in paths:
-        if not path.is_dir():
-            if not path.is_file():
+        if not path.is_dir() or is_motion_folder(path):
+            if not (path.is_file() or path.is_dir() or "#" in path.name):
                 what = "is not a file" if path.exists() else "does not exist"
                 raise InvalidValueError(f"{path} {what}.")
             named.add(add(path))
             continue
         below = list(_files_below(path))
-        motions = [file for file in below if file.suffix.lower() in ENDINGS]
+        motions = [f for f in below if f.suffix.lower() in ENDINGS or f.is_dir()]
         if not motions:
             raise InvalidValueError(
                 f"The folder {path} has no motions (files that end in "
@@ -66,7 +66,10 @@ def motion_files(paths: Sequence[Path]) -> MotionFiles:
 
 
 def _files_below(folder: Path) -> Iterator[Path]:
-    """Find files in a folder and its subfolders, sorted; hidden ones are ignored."""
+    """Find files in a folder and its subfolders, sorted; hidden ones are ignored.
+
+    A folder that is itself a motion counts as a file.
+    """
 
     def refuse(error: OSError) -> None:
         raise InvalidValueError(
@@ -75,6 +78,10 @@ def _files_below(folder: Path) -> Iterator[Path]:
 
     for place, folders, files in os.walk(folder, onerror=refuse):
         folders[:] = sorted(name for name in folders if not name.startswith("."))
+        if is_motion_folder(Path(place)):
+            folders.clear()
+            yield Path(place)
+            continue
         for name in sorted(files):
             path = Path(place, name)
             if not name.startswith(".") and path.is_file():

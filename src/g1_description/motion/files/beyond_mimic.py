@@ -123,12 +123,17 @@ def _names(
 def _orders(n_joints: int, robot: Description) -> list[tuple[str, ...]]:
     """List the possible orders of unnamed joints."""
     found = layouts(n_joints, robot)
-    isaac = [_breadth_first(robot, names) for names in found]
+    isaac = [breadth_first(robot, names) for names in found]
     return [*found, *(order for order in isaac if len(order) == n_joints)]
 
 
-def _breadth_first(robot: Description, names: Collection[str]) -> tuple[str, ...]:
-    """List the named joints breadth first, as if all others were fixed."""
+def breadth_first(robot: Description, names: Collection[str]) -> tuple[str, ...]:
+    """List named joints breadth first, as Isaac Lab does, as if all others were fixed.
+
+    Args:
+        robot: The robot.
+        names: Of the joints; those that the robot does not have are left out.
+    """
     depth = {robot.root: 0}
     found: list[Joint] = []
     for joint in below([robot.root], robot.joints):
