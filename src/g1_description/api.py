@@ -391,7 +391,7 @@ class Robot:
         """Let a motion come from a pose and end in one, standing on the floor.
 
         Args:
-            motion: Its base keeps its place, but comes from standing upright.
+            motion: Its lowest foot keeps its place; in the poses the base is upright.
             begin: Name of a pose, or positions; None: nothing is added there.
             end: The same, after the motion.
             seconds: Shortest duration of each way, in [s]; longer where a joint would

@@ -14,9 +14,9 @@ from g1_description.robot.urdf import parse_urdf
 
 def random_motion(robot, seed=0):
     positions = robot.random_configuration(seed, 20)
-    quaternions = Rotation.random(20, random_state=seed).as_quat()
-    places = np.random.RandomState(seed).normal(size=(20, 3))
-    base = np.hstack([places, quaternions])
+    random = np.random.RandomState(seed)
+    quaternions = Rotation.from_quat(random.normal(size=(20, 4))).as_quat()
+    base = np.hstack([random.normal(size=(20, 3)), quaternions])
     return robot.trajectory(np.arange(20) / 10, positions, positions, base)
 
 

@@ -10,8 +10,10 @@ import numpy as np
 
 from g1_description.errors import InvalidValueError, MotionError
 from g1_description.motion.edit import between, joined, minimum_jerk, projected
+from g1_description.motion.files.conventions import of_robot
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
+from g1_description.robot.kinematics import Kinematics
 from g1_description.sim.standing import lowest_heights
 
 PEAK = 1.875
@@ -31,9 +33,9 @@ def padded(
     """Let a motion come from a pose and end in one.
 
     On the way each joint moves with minimum jerk, so that the robot is at rest where
-    the motion begins and ends. The base stays at its place, comes from and ends
-    upright, and its height is such that the robot stands on the floor, which is z = 0,
-    in the pose.
+    the motion begins and ends. The link that is lowest there, such as the foot it
+    stands on, stays at its place. In the poses the base is upright, at such a height
+    that the robot stands on the floor, which is z = 0.
 
     Args:
         robot: The robot.
@@ -99,6 +101,10 @@ def _way(
         base = motion.base_poses[row]
         bases = between(projected(base), np.tile(base, (count + 1, 1)), weights)
         bases[:, 2] = 0.0
+        joints = of_robot(names, way.positions, robot)
+        places = Kinematics(robot).link_poses(bases, joints)[..., :3]
+        foot = places[:, np.argmin(places[-1, :, 2]), :2]
+        bases[:, :2] += foot[-1] - foot
         lowest = lowest_heights(robot, replace(way, base_poses=bases))
         # From the floor to where the sample is: its feet may be in the air.
         bases[:, 2] = weights[:, 0] * (base[2] + lowest[-1]) - lowest
