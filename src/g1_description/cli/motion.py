@@ -35,7 +35,7 @@ from g1_description.cli.motion_paths import motion_files
 from g1_description.cli.progress import Printer
 from g1_description.cli.start import INTERRUPTED
 from g1_description.command_line import OneSentenceParser, parse, say
-from g1_description.errors import G1DescriptionError, InvalidValueError, MotionError
+from g1_description.errors import G1DescriptionError, InvalidValueError
 from g1_description.files.atomic import write_whole
 from g1_description.interrupts import uninterrupted
 from g1_description.motion.edit import base_speed, joint_speeds
@@ -43,11 +43,10 @@ from g1_description.motion.files.formats import (
     WRITERS,
     contents,
     format_name,
-    motion_names,
     read_source,
     writer_of,
 )
-from g1_description.motion.files.source import MotionSource
+from g1_description.motion.files.source import MotionSource, split
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.ros.lifecycle import own_arguments
@@ -184,27 +183,6 @@ def description(facts: Mapping[str, Any], robot: Description) -> str:
     return "\n".join(lines)
 
 
-def tasks_of(args: Reading) -> list[Task]:
-    """List the motions.
-
-    Raises:
-        InvalidValueError: If there is no such file.
-    """
-    tasks = motion_files(args.files).tasks
-    if not args.all:
-        return [*tasks]
-    found: list[Path] = []
-    for task in tasks:
-        try:
-            names = motion_names(task.path, args.format)
-        except MotionError:
-            names = ()  # reading it will say why
-        is_chosen = not task.path.exists()  # FILE#NAME
-        several = [Path(f"{task.path}#{name}") for name in names]
-        found += several if len(several) > 1 and not is_chosen else [task.path]
-    return [Task(number, str(path), path) for number, path in enumerate(found)]
-
-
 def places_of(args: Edit, tasks: Sequence[Task]) -> dict[str, Path]:
     """Choose where motions are written.
 
@@ -255,7 +233,7 @@ def _is_inside(path: Path, folder: Path) -> bool:
 
 def _in_folder(out: Path, tasks: Sequence[Task], ending: str) -> dict[str, Path]:
     """Name a file for each motion, as the files lie in their common folder."""
-    sources = [(task, *_parts(task.path)) for task in tasks]
+    sources = [(task, *split(task.path)) for task in tasks]
     absolute = [Path(os.path.abspath(file)) for _, file, _ in sources]
     common = os.path.commonpath([path.parent for path in absolute])
     relative = [path.relative_to(common) for path in absolute]
@@ -276,14 +254,6 @@ def _in_folder(out: Path, tasks: Sequence[Task], ending: str) -> dict[str, Path]
     return places
 
 
-def _parts(path: Path) -> tuple[Path, str]:
-    """Split FILE#NAME."""
-    if path.exists() or "#" not in str(path):
-        return path, ""
-    source = MotionSource(path)
-    return source.path, source.name or ""
-
-
 def notify(text: str) -> None:
     """Print a message."""
     say(f"motion: {text}", sys.stderr)
@@ -296,7 +266,7 @@ def run(args: Reading) -> int:
         G1DescriptionError: If nothing can be done.
         KeyboardInterrupt: If it is interrupted before the first outcome.
     """
-    tasks = tasks_of(args)
+    tasks = motion_files(args.files, args.every).tasks
     robot = Robot(args.model or MODEL).description
     args.check(robot)
     if isinstance(args, Join):

@@ -22,7 +22,7 @@ from g1_description.motion.edit import (
 )
 from g1_description.motion.files.beyond_mimic import breadth_first
 from g1_description.motion.files.conventions import ASAP_JOINTS, G1_JOINTS
-from g1_description.motion.files.formats import FORMATS, WRITERS
+from g1_description.motion.files.formats import WRITERS
 from g1_description.motion.mirror import mirrored
 from g1_description.motion.motion import Motion, fitted
 from g1_description.robot.description import Description
@@ -63,22 +63,11 @@ class Reading:
     model: str | None = options.model()
     fps: float | None = options.fps()
     topic: str | None = options.topic()
-    order: str | None = option(
-        "order of base quaternions where the format does not tell",
-        None,
-        str,
-        shown="by the feet",
-        choices=("xyzw", "wxyz"),
+    order: str | None = options.order()
+    format: str | None = options.file_format()
+    every: bool = option(
+        "take all motions of files that have several", False, names=("--all",)
     )
-    format: str | None = option(
-        f"format of the files: {', '.join(FORMATS)}",
-        None,
-        str,
-        shown="by content",
-        metavar="NAME",
-        choices=tuple(FORMATS),
-    )
-    all: bool = option("take all motions of files that have several", False)
     jobs: int = option(
         "number of worker processes", 1, within(1, 256, int), metavar="N"
     )

@@ -1,4 +1,4 @@
-"""Files of motions: given ones, and those in folders."""
+"""The motions to check: given files, and those in folders."""
 
 from __future__ import annotations
 
@@ -6,10 +6,12 @@ import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from urllib.parse import quote
 
 from g1_description.checks.batch import Task
-from g1_description.errors import InvalidValueError
-from g1_description.motion.files.formats import ENDINGS, is_motion_folder
+from g1_description.errors import InvalidValueError, MotionError
+from g1_description.motion.files.formats import ENDINGS, is_motion_folder, motion_names
+from g1_description.motion.files.source import split
 
 
 @dataclass(frozen=True)
@@ -19,20 +21,21 @@ class MotionFiles:
     tasks: tuple[Task, ...]
 
     named: frozenset[str]
-    """Names of files that were given one by one."""
+    """Names of motions whose files were given one by one."""
 
     n_left_out: int
     """Number of files in folders with other extensions."""
 
 
-def motion_files(paths: Sequence[Path]) -> MotionFiles:
-    """Find the files.
+def motion_files(paths: Sequence[Path], every: bool = False) -> MotionFiles:
+    """Find the motions.
 
     Args:
-        paths: Files and folders.
+        paths: Files, ``FILE#NAME``, and folders; some of these are one motion.
+        every: Whether each motion of a file that has several is a task.
 
     Returns:
-        Each file once, in the order of the paths; those of a folder by their names.
+        Each once, in the order of the paths; those of a folder by their names.
 
     Raises:
         InvalidValueError: If a file does not exist, or a folder has no motions.
@@ -40,19 +43,23 @@ def motion_files(paths: Sequence[Path]) -> MotionFiles:
     found: dict[str, tuple[str, Path]] = {}
     named, n_left_out = set(), 0
 
-    def add(path: Path) -> str:
-        """Add a file, unless it was found by another name; return its first name."""
-        return found.setdefault(os.path.realpath(path), (str(path), path))[0]
+    def add(path: Path) -> list[str]:
+        """Add a file, unless it was found by another name; return its first names."""
+        names = _names(path) if every else [path]
+        return [found.setdefault(_key(name), (str(name), name))[0] for name in names]
 
     for path in paths:
-        if not path.is_dir() or is_motion_folder(path):
-            if not (path.is_file() or path.is_dir() or "#" in path.name):
-                what = "is not a file" if path.exists() else "does not exist"
-                raise InvalidValueError(f"{path} {what}.")
-            named.add(add(path))
+        file, _ = split(path)
+        if not file.is_dir() or is_motion_folder(file):
+            if not file.is_file() and not file.is_dir():
+                what = "is not a file" if file.exists() else "does not exist"
+                raise InvalidValueError(f"{file} {what}.")
+            named.update(add(path))
             continue
         below = list(_files_below(path))
-        motions = [f for f in below if f.suffix.lower() in ENDINGS or f.is_dir()]
+        motions = [
+            file for file in below if file.is_dir() or file.suffix.lower() in ENDINGS
+        ]
         if not motions:
             raise InvalidValueError(
                 f"The folder {path} has no motions (files that end in "
@@ -65,10 +72,28 @@ def motion_files(paths: Sequence[Path]) -> MotionFiles:
     return MotionFiles(tuple(tasks), frozenset(named), n_left_out)
 
 
+def _key(path: Path) -> str:
+    """Return what all names of a motion have in common."""
+    file, name = split(path)
+    return os.path.realpath(file) + ("" if name is None else f"#{name}")
+
+
+def _names(path: Path) -> list[Path]:
+    """List the motions of a file that has several; else the file itself."""
+    if split(path)[1] is not None:
+        return [path]
+    try:
+        names = motion_names(path)
+    except MotionError:  # who reads it tells
+        return [path]
+    several = len(names) > 1
+    return [Path(f"{path}#{name}") for name in names] if several else [path]
+
+
 def _files_below(folder: Path) -> Iterator[Path]:
     """Find files in a folder and its subfolders, sorted; hidden ones are ignored.
 
-    A folder that is itself a motion counts as a file.
+    A folder that is a motion stands for its files.
     """
 
     def refuse(error: OSError) -> None:
@@ -78,10 +103,9 @@ def _files_below(folder: Path) -> Iterator[Path]:
 
     for place, folders, files in os.walk(folder, onerror=refuse):
         folders[:] = sorted(name for name in folders if not name.startswith("."))
-        if is_motion_folder(Path(place)):
-            folders.clear()
-            yield Path(place)
-            continue
+        whole = [name for name in folders if is_motion_folder(Path(place, name))]
+        yield from (Path(place, name) for name in whole)
+        folders[:] = [name for name in folders if name not in whole]
         for name in sorted(files):
             path = Path(place, name)
             if not name.startswith(".") and path.is_file():
@@ -97,7 +121,10 @@ def picture_names(tasks: Sequence[Task]) -> list[Path]:
     Returns:
         Distinct paths relative to the common folder of all files.
     """
-    absolute = [Path(os.path.abspath(task.path)) for task in tasks]
+    parts = [split(task.path) for task in tasks]
+    absolute = [Path(os.path.abspath(path)) for path, _ in parts]
     common = os.path.commonpath([path.parent for path in absolute])
     names = [path.relative_to(common) for path in absolute]
-    return [name.with_name(f"{name.name}.png") for name in names]
+    # A motion's name may have slashes.
+    ends = ["" if name is None else f"#{quote(name, ' ')}" for _, name in parts]
+    return [n.with_name(f"{n.name}{end}.png") for n, end in zip(names, ends)]

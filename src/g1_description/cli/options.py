@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from g1_description.command_line import MAX_FPS, option, positive
+from g1_description.text import similar_first
 
 NAME = re.compile(r"[A-Za-z]\w*(/\w+)*", re.ASCII)
 """A ROS name without leading and trailing slashes. rosgraph's pattern cannot be
@@ -38,6 +39,45 @@ def fps() -> Any:
     """Declare the sampling rate of files without times."""
     about = "samples per second of files without times"
     return option(about, None, positive(MAX_FPS), shown="30")
+
+
+ORDERS = ("xyzw", "wxyz")
+"""Orders of the elements of a quaternion."""
+
+
+def order() -> Any:
+    """Declare the order of quaternions of files that do not tell it."""
+    return option(
+        "order of the base's quaternions in files that do not tell it",
+        None,
+        str,
+        choices=ORDERS,
+        shown="by the feet of the standing robot",
+        see="[what a file does not say](motions.md#what-a-file-does-not-say)",
+    )
+
+
+def file_format() -> Any:
+    """Declare the format of files."""
+    return option(
+        "format of the file",
+        None,
+        _format,
+        metavar="NAME",
+        shown="by its content",
+        see="[formats](motions.md)",
+    )
+
+
+def _format(text: str) -> str:
+    """Read the name of a format."""
+    # Only where it is given: doctor must run without what reads files.
+    from g1_description.motion.files.formats import FORMATS
+
+    if text in FORMATS:
+        return text
+    known = ", ".join(similar_first(text, FORMATS))
+    raise argparse.ArgumentTypeError(f"unknown format '{text}'; formats: {known}")
 
 
 def topic() -> Any:

@@ -119,19 +119,21 @@ def read_source(
     return motion
 
 
-def motion_names(path: Path, name: str | None = None) -> Sequence[str]:
+def motion_names(path: Path) -> Sequence[str]:
     """List the motions of a file that has several, or names its one; else none.
-
-    Args:
-        path: The file.
-        name: Of the format; None: found by content.
 
     Raises:
         MotionError: If the file cannot be read.
     """
     source = MotionSource(path)
-    module = _format(source, name)
+    module = _format(source)
     return module.names(source) if hasattr(module, "names") else ()
+
+
+def is_motion_folder(folder: Path) -> bool:
+    """Return whether a folder is one motion, as of SONIC and HDMI."""
+    source = MotionSource(folder)
+    return any(module.recognise(source) for module in FORMATS.values())
 
 
 def format_name(source: MotionSource) -> str:
@@ -142,12 +144,6 @@ def format_name(source: MotionSource) -> str:
     """
     found = _format(source)
     return next(name for name, module in FORMATS.items() if module is found)
-
-
-def is_motion_folder(path: Path) -> bool:
-    """Return whether a folder is itself a motion, not one with motions in it."""
-    source = MotionSource(path)
-    return source.is_folder and any(m.recognise(source) for m in FORMATS.values())
 
 
 def _format(source: MotionSource, name: str | None = None) -> ModuleType:

@@ -185,7 +185,7 @@ class MotionSource:
         topic: str | None = None,
         order: str | None = None,
     ) -> None:
-        self.path, self.name = _split(path)
+        self.path, self.name = split(path)
         """The file or folder, and which of its motions; None: it must have one."""
         self.ending = self.path.suffix.lower()
         self.rate = rate
@@ -310,8 +310,12 @@ class MotionSource:
         return replace(motion, times=times, notes=notes, has_times=False)
 
 
-def _split(path: Path) -> tuple[Path, str | None]:
-    """Split ``FILE#NAME``, which names one of the motions in a file."""
+def split(path: Path) -> tuple[Path, str | None]:
+    """Split ``FILE#NAME``, which names one of the motions in a file.
+
+    Returns:
+        The path, and the name; None: the path is a whole file.
+    """
     text = str(path)
     for found in re.finditer("#", text):
         file = Path(text[: found.start()])
