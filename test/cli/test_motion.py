@@ -217,6 +217,9 @@ def test_one_or_all_motions_of_a_file_are_taken(motions, capsys):
     capsys.readouterr()
     assert run("info", "set.txt") == 1
     assert "set.txt: The file has several motions" in capsys.readouterr().out
+    assert run("info", "set.txt#to/9") == 1
+    told = capsys.readouterr().out
+    assert told.startswith("set.txt#to/9: There is no motion 'to/9'; to/0.1, 0.2, 0.3.")
 
 
 @pytest.mark.parametrize(

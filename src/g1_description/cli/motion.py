@@ -272,10 +272,9 @@ def run(args: Reading) -> int:
     if isinstance(args, Join):
         return join(args, tasks, robot)
     places = places_of(args, tasks) if isinstance(args, Edit) else {}
-    kept = [task for task in tasks if _is_kept(args, places.get(task.name))]
-    if kept and len(tasks) == 1:
-        raise InvalidValueError(_exists(places[kept[0].name]))
-    left = [task for task in tasks if task not in kept]
+    left = [task for task in tasks if not _is_kept(args, places.get(task.name))]
+    if len(tasks) == 1 and not left:
+        raise InvalidValueError(_exists(places[tasks[0].name]))
     left = [replace(task, number=number) for number, task in enumerate(left)]
     worker = MotionWorker(args, robot, places)
     counts: Counter[str] = Counter()
@@ -291,7 +290,7 @@ def run(args: Reading) -> int:
         except KeyboardInterrupt:
             is_interrupted = True
     done = "read" if isinstance(args, Info) else "written"
-    _summarize(counts, done, len(kept), len(left))
+    _summarize(counts, done, len(tasks), len(left))
     if is_interrupted:
         return INTERRUPTED
     return 1 if counts[FAILED] else 0
@@ -325,24 +324,25 @@ def _write(task: Task, outcome: FileResult, args: Reading) -> tuple[str, str]:
             return outcome.text, ""
         except InvalidValueError as error:
             problem = str(error)
-    begin = f"{task.path.name}: "
+    file, name = split(task.path)
+    begin = f"{file.name}{'' if name is None else f'#{name}'}: "
     problem = problem[len(begin) :] if problem.startswith(begin) else problem
     if isinstance(args, Info) and args.json:
         return json.dumps({"file": task.name, "problem": problem}), problem
     return f"{task.name}: {problem}", problem
 
 
-def _summarize(counts: Mapping[str, int], done: str, n_kept: int, n_left: int) -> None:
+def _summarize(counts: Mapping[str, int], done: str, n_tasks: int, n_left: int) -> None:
     """Print the counts, unless there is one motion."""
-    n_missing = n_left - sum(counts.values())
-    if n_left + n_kept < 2 and not n_missing:
+    n_missing, n_kept = n_left - sum(counts.values()), n_tasks - n_left
+    if n_tasks < 2 and not n_missing:
         return
     parts = [f"{counts[DONE]} {done}"]
     parts += [f"{counts[FAILED]} failed"] if counts[FAILED] else []
     parts += [f"{n_missing} not done"] if n_missing else []
     if n_kept:
         parts.append(f"{n_kept} exist and were kept, --force replaces them")
-    notify(f"{n_left + n_kept} motions: {', '.join(parts)}.")
+    notify(f"{n_tasks} motions: {', '.join(parts)}.")
 
 
 def join(args: Join, tasks: Sequence[Task], robot: Description) -> int:
