@@ -89,7 +89,7 @@ class MotionWorker(FileWorker):
     def _outcome(self, name: str, path: Path) -> Done:
         source, motion = read(path, self.args, self.robot)
         if not isinstance(self.args, Edit):
-            facts = {"file": name, **facts_of(motion, self.robot)}
+            facts = {"file": name, **facts_of(motion)}
             facts["format"] = self.args.format or format_name(source)
             if isinstance(self.args, Info) and self.args.json:
                 return Done(name, text=json.dumps(facts))
@@ -131,7 +131,7 @@ def written(
     return Done(name, text="\n".join(lines), files=files)
 
 
-def facts_of(motion: Motion, robot: Description) -> dict[str, Any]:
+def facts_of(motion: Motion) -> dict[str, Any]:
     """Return the facts on a motion, as ``--json`` prints them."""
     gaps = np.diff(motion.times)
     rate = 1.0 / float(gaps.mean()) if gaps.size else None
