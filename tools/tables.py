@@ -6,7 +6,7 @@ import ast
 import inspect
 import re
 import textwrap
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,8 @@ from g1_description.checks.rules import RULES
 from g1_description.cli.check import CheckOptions
 from g1_description.cli.collision_pairs import PairsOptions
 from g1_description.cli.doctor import DoctorOptions
+from g1_description.cli.motion_edits import COMMANDS as MOTION
+from g1_description.cli.motion_edits import Edit, Reading
 from g1_description.cli.play import PlayOptions
 from g1_description.cli.pose import PoseOptions
 from g1_description.cli.record import RecordOptions
@@ -41,7 +43,8 @@ COMMANDS: dict[str, tuple[str, type[Any]]] = {
     "snapshot": ("pictures.md", SnapshotOptions),
     "web": ("browser.md", WebOptions),
 }
-"""The page that lists a command's options, and their dataclass."""
+"""The page that lists a command's options, and their dataclass. ``motion`` has one for
+each subcommand."""
 
 NODES = {
     "link_states_bridge": BridgeParameters,
@@ -65,12 +68,34 @@ def row(cells: Iterable[object]) -> str:
     return "|".join(["", *(f" {cell} " if str(cell) else " " for cell in cells), ""])
 
 
+HEAD = ["| option | default | meaning |", "| --- | --- | --- |"]
+
+
 def rows(options: type[Any], page: str) -> str:
-    """Write the rows of a command's table for a page."""
-    lines = ["| option | default | meaning |", "| --- | --- | --- |"]
+    """Write a command's table for a page."""
+    return "\n".join([*HEAD, *option_rows(options, page)])
+
+
+def motion_rows(page: str) -> str:
+    """Write the table of all subcommands of ``motion``: shared options first."""
+    lines = [*HEAD, *option_rows(Edit, page)]
+    for command, options in MOTION.items():
+        known = Edit if issubclass(options, Edit) else Reading
+        lines += option_rows(options, page, command, {*arguments_of(known)})
+    return "\n".join(lines)
+
+
+def option_rows(
+    options: type[Any], page: str, command: str = "", left_out: Collection[str] = ()
+) -> list[str]:
+    """Write the rows of options, those of a subcommand with its name."""
+    lines = []
     for name, declared in arguments_of(options).items():
+        if name in left_out:
+            continue
         value = declared.given.get("metavar")
-        flags = [f"`{flag}`" for flag in declared.flags(name)]
+        flags = [f"`{command} {flag}`" for flag in declared.flags(name)]
+        flags = [flag.replace("` ", "`") for flag in flags]
         if declared.is_positional:
             flags = [f"`{value or name}`"]
         see = f"; see {declared.see}" if declared.see else ""
@@ -81,7 +106,7 @@ def rows(options: type[Any], page: str) -> str:
         about = re.sub(r"(?<![\w`-])(--[a-z-]+)", r"`\1`", declared.about)
         cells = (", ".join(flags), default, f"{about}{see}")
         lines.append(row(cells))
-    return "\n".join(lines)
+    return lines
 
 
 def meanings_of(kind: type[Any]) -> dict[str, str]:
@@ -156,11 +181,15 @@ def completion() -> str:
         f'_g1_description_options[{command}]="{flags_of(options)}"'
         for command, (_, options) in COMMANDS.items()
     ]
-    kinds = [options for _, options in COMMANDS.values()]
+    words = sorted({w for o in MOTION.values() for w in flags_of(o).split()})
+    lines.append(f'_g1_description_options[motion]="{" ".join(words)}"')
+    lines.sort()
+    kinds = [*(options for _, options in COMMANDS.values()), *MOTION.values()]
     for name, only in (("flags", {"alone": True}), ("files", {"files": True})):
         words = " ".join(flags_of(options, **only) for options in kinds).split()
         lines.append(f'_g1_description_{name}=" {" ".join(sorted({*words}))} "')
     until = arguments_of(DoctorOptions)["until"].given["choices"]
+    lines.append(f'_g1_description_motion="{" ".join(MOTION)}"')
     return "\n".join([*lines, f'_g1_description_links="{" ".join(until)}"'])
 
 
@@ -235,6 +264,9 @@ def texts() -> dict[Path, str]:
         path = ROOT / "docs" / page
         text = found.get(path) or path.read_text()
         found[path] = with_block(text, command, rows(options, page), ("<!-- ", " -->"))
+    path = ROOT / "docs" / "motions.md"
+    block = motion_rows("motions.md")
+    found[path] = with_block(found[path], "motion", block, ("<!-- ", " -->"))
     path = ROOT / "docs" / "nodes.md"
     text = path.read_text()
     for node, kind in NODES.items():

@@ -20,6 +20,7 @@ from g1_description.errors import (
     UnknownNameError,
 )
 from g1_description.motion.files.formats import read_motion, write_motion
+from g1_description.motion.mirror import mirrored
 from g1_description.motion.motion import UNIT_TOLERANCE, Motion, fitted
 from g1_description.motion.motors import g1_motors
 from g1_description.robot.assembly import WORLD, base_of, root_in_base
@@ -43,6 +44,8 @@ from g1_description.robot.poses import (
 from g1_description.robot.rotation import cross, normalized
 from g1_description.robot.transform import IDENTITY, compose
 from g1_description.robot.urdf import parse_urdf
+from g1_description.sim.padding import padded
+from g1_description.sim.standing import on_floor
 from g1_description.text import listed, similar_first
 
 if TYPE_CHECKING:
@@ -386,6 +389,56 @@ class Robot:
         if not trajectory.joint_names:
             return np.tile(self.neutral, (len(trajectory.times), 1))
         return self.positions(dict(zip(trajectory.joint_names, trajectory.positions.T)))
+
+    def mirrored(self, motion: Motion) -> Motion:
+        """Exchange left and right of a motion, at the plane y = 0.
+
+        Raises:
+            MotionError: If it has unknown joints, or the robot is not symmetric.
+        """
+        return mirrored(motion, self.description)
+
+    def padded(
+        self,
+        motion: Motion,
+        begin: str | JointValues | None = None,
+        end: str | JointValues | None = None,
+        seconds: float = 1.0,
+    ) -> Motion:
+        """Let a motion come from a pose and end in one, standing on the floor.
+
+        Args:
+            motion: Its lowest foot keeps its place; in the poses the base is upright.
+            begin: Name of a pose, or positions; None: nothing is added there.
+            end: The same, after the motion.
+            seconds: Shortest duration of each way, in [s]; longer where a joint would
+                exceed its velocity limit.
+
+        Raises:
+            G1DescriptionError: If a pose or the duration is invalid.
+        """
+        before, after = self._by_joint(begin), self._by_joint(end)
+        return padded(self.description, motion, before, after, seconds)
+
+    def _by_joint(self, pose: str | JointValues | None) -> dict[str, float] | None:
+        """Return the positions of a pose by joint."""
+        if pose is None:
+            return None
+        values = self.pose(pose) if isinstance(pose, str) else self.positions(pose)
+        if values.shape != (len(self.joint_names),):
+            raise InvalidValueError(
+                f"A pose must have the shape ({len(self.joint_names)},) (got "
+                f"{values.shape})."
+            )
+        return dict(zip(self.joint_names, values.tolist()))
+
+    def on_floor(self, motion: Motion) -> Motion:
+        """Lift or lower a whole motion so that its lowest point is at height 0.
+
+        Raises:
+            MotionError: If it has no base.
+        """
+        return on_floor(self.description, motion)
 
     def check(
         self,

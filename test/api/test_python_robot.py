@@ -384,3 +384,20 @@ def test_public_names_are_listed_and_others_refused():
     assert {"Client", "Robot"} <= {*dir(g1_description)}
     with pytest.raises(AttributeError, match="no_such"):
         _ = g1_description.no_such
+
+
+def test_a_motion_comes_from_a_pose_by_name_or_positions():
+    robot = Robot()
+    squat = robot.pose("squat")
+    motion = robot.trajectory([0.0, 0.5, 1.0], np.tile(squat, (3, 1)))
+    by_name = robot.padded(motion, "stand", {"left_elbow_joint": 1.0})
+    by_array = robot.padded(motion, robot.pose("stand"))
+    np.testing.assert_array_equal(by_name.positions[:5], by_array.positions)
+    np.testing.assert_allclose(by_name.positions[0], robot.pose("stand"))
+    assert by_name.positions[-1].tolist() == pytest.approx(
+        robot.positions({"left_elbow_joint": 1.0}).tolist()
+    )
+    with pytest.raises(InvalidValueError, match=r"pose must have the shape \(29,\)"):
+        robot.padded(motion, motion.positions)
+    with pytest.raises(UnknownNameError, match="Unknown pose 'stnd'"):
+        robot.padded(motion, "stnd")

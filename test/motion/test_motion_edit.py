@@ -1,22 +1,33 @@
 """Motions that are cut, faster or elsewhere, and the smooth way to a pose."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import BPoly
-from scipy.spatial.transform import Rotation
+from scipy.spatial.transform import Rotation, Slerp
 
-from g1_description.errors import InvalidValueError
+from g1_description.errors import InvalidValueError, MotionError, UnknownNameError
 from g1_description.motion.edit import (
+    arranged,
     at_speed,
+    base_speed,
     cut,
+    highest_speed,
+    joined,
+    joint_speeds,
     minimum_jerk,
     minimum_jerk_trajectory,
     moved,
+    renamed,
+    resampled,
     to_start_at,
 )
 from g1_description.motion.motion import Motion, sample
+from g1_description.robot.description import Description, Joint, Link
+from g1_description.robot.transform import IDENTITY
 
 
 def motion(seed=0, velocities=True):
@@ -159,3 +170,146 @@ def test_a_sampled_way_is_the_same_with_its_velocities(share, seconds):
     velocities = found.velocities * seconds
     np.testing.assert_allclose(velocities, [rest(share, 1), 0.0], atol=1e-4)
     assert way.duration == seconds
+
+
+def test_a_resampled_motion_is_the_same_motion():
+    whole = motion()
+    first, last = whole.times[0], whole.times[-1]
+    found = resampled(whole, 37.0)
+    np.testing.assert_allclose(np.diff(found.times), 1 / 37.0)
+    assert found.times[0] == first
+    assert last - 1 / 37.0 < found.times[-1] <= last
+    wanted = sample(whole, found.times)
+    np.testing.assert_array_equal(found.positions, wanted.positions)
+    np.testing.assert_array_equal(found.velocities, wanted.velocities)
+    np.testing.assert_array_equal(found.base_poses, wanted.base_poses)
+
+
+def test_resampled_at_its_own_rate_it_keeps_every_sample():
+    times = np.arange(50) / 30.0
+    values = np.outer(np.sin(times), [1.0, 2.0])
+    whole = Motion(times, ("knee", "elbow"), values, values)
+    found = resampled(whole, 30.0)
+    np.testing.assert_allclose(found.times, times, atol=1e-12)
+    np.testing.assert_allclose(found.positions, values, atol=1e-9)
+    assert (found.velocities[-1] == values[-1]).all()
+
+
+@pytest.mark.parametrize("rate", [0.0, -1.0, np.nan, np.inf, 1e9])
+def test_a_rate_that_makes_no_motion_is_told(rate):
+    with pytest.raises(InvalidValueError, match=r"rate must be|samples at 1e\+09 Hz"):
+        resampled(motion(), rate)
+
+
+def test_joined_motions_follow_one_another_from_place_to_place():
+    first, second = motion(1), motion(2)
+    second = arranged(second, ("elbow", "knee"))
+    whole = joined([first, second])
+    n = len(first.times)
+    np.testing.assert_array_equal(whole.times[:n], first.times)
+    np.testing.assert_allclose(np.diff(whole.times[n:]), np.diff(second.times))
+    mean = np.diff(second.times).mean()
+    assert whole.times[n] - whole.times[n - 1] == pytest.approx(mean)
+    np.testing.assert_array_equal(whole.positions[n:], second.positions[:, ::-1])
+    np.testing.assert_allclose(
+        whole.base_poses[n:],
+        to_start_at(second, first.base_poses[-1]).base_poses,
+        atol=1e-12,
+    )
+    still = joined([first, second], follows=False)
+    np.testing.assert_array_equal(still.base_poses[n:], second.base_poses)
+
+
+def test_blended_motions_run_smoothly_into_each_other():
+    """Velocities are the derivative of the positions, through both seams."""
+    times = np.arange(2000) / 1000.0
+    one = Motion(
+        times,
+        ("knee",),
+        np.sin(3 * times)[:, np.newaxis],
+        3 * np.cos(3 * times)[:, np.newaxis],
+    )
+    other = Motion(
+        times,
+        ("knee",),
+        2 + np.cos(2 * times)[:, np.newaxis],
+        -2 * np.sin(2 * times)[:, np.newaxis],
+    )
+    whole = joined([one, other], blend=0.5)
+    assert whole.duration == pytest.approx(2 * 1.999 - 0.5)
+    slopes = np.gradient(whole.positions[:, 0], whole.times)
+    np.testing.assert_allclose(slopes[1:-1], whole.velocities[1:-1, 0], atol=1e-3)
+    assert np.abs(np.diff(whole.velocities[:, 0])).max() < 0.1
+    np.testing.assert_array_equal(whole.positions[-1499:], other.positions[-1499:])
+    np.testing.assert_array_equal(whole.positions[:1499], one.positions[:1499])
+
+
+def test_blended_bases_turn_about_one_axis():
+    slerp = Slerp([0, 1], Rotation.from_rotvec([[0, 0, 0.2], [0, 0.3, 1.0]]))
+    times = np.arange(11) / 10.0
+    poses = [np.tile([0, 0, 0, *q.as_quat()], (11, 1)) for q in slerp([0.0, 1.0])]
+    poses[1][:, 0] = 1.0
+    one, other = (Motion(times, (), np.zeros((11, 0)), None, p) for p in poses)
+    whole = joined([one, other], blend=1.0, follows=False)
+    share = minimum_jerk(np.zeros(1), np.ones(1), 0.3)[0]
+    np.testing.assert_allclose(whole.base_poses[3, :3], [share, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(
+        whole.base_poses[3, 3:], slerp([share])[0].as_quat(), atol=1e-12
+    )
+
+
+def test_what_cannot_be_joined_is_told():
+    whole = motion()
+    other = renamed(whole, {"knee": "hip"})
+    with pytest.raises(MotionError, match=r"Motion 2 .* hip, knee\."):
+        joined([whole, other])
+    with pytest.raises(MotionError, match="all or none must have a base"):
+        joined([whole, replace(whole, base_poses=None)])
+    with pytest.raises(InvalidValueError, match="blend must be from 0 to"):
+        joined([whole, whole], blend=100.0)
+
+
+def test_joints_are_left_out_and_added_by_name():
+    whole = motion()
+    found = arranged(whole, ("toe", "elbow"))
+    np.testing.assert_array_equal(found.positions[:, 0], 0.0)
+    np.testing.assert_array_equal(found.velocities[:, 1], whole.velocities[:, 1])
+    lost = np.abs(whole.positions[:, 0]).max()
+    assert found.notes == (
+        f"Joints left out: knee (up to {lost:.3g}).",
+        "Joints added at 0: toe.",
+    )
+
+
+def test_joints_get_new_names():
+    assert renamed(motion(), {"knee": "hip"}).joint_names == ("hip", "elbow")
+    with pytest.raises(UnknownNameError, match=r"no joint 'kne'\. Its joints: knee"):
+        renamed(motion(), {"kne": "hip"})
+    with pytest.raises(MotionError, match="duplicate joints: elbow"):
+        renamed(motion(), {"knee": "elbow"})
+
+
+@pytest.mark.parametrize("velocities", [True, False])
+def test_the_top_speed_is_that_of_a_fine_sampling(velocities):
+    whole = motion(3, velocities)
+    fine = sample(whole, np.linspace(whole.times[0], whole.times[-1], 200_000))
+    np.testing.assert_allclose(
+        joint_speeds(whole), np.abs(fine.velocities).max(axis=0), rtol=1e-6
+    )
+    linear = np.linalg.norm(fine.base_twists[:, :3], axis=1)
+    assert base_speed(whole) == pytest.approx(linear.max())
+
+
+def test_at_its_highest_speed_a_joint_is_at_its_limit():
+    whole, limits = motion(4), np.array([3.0, 20.0])
+    joints = [
+        Joint(name, "revolute", "trunk", name, IDENTITY, velocity=limit)
+        for name, limit in zip(("knee", "elbow"), limits)
+    ]
+    links = tuple(Link(name) for name in ("trunk", "knee", "elbow"))
+    robot = Description("two", "trunk", links, tuple(joints))
+    fast = at_speed(whole, highest_speed(whole, robot))
+    assert (joint_speeds(fast) / limits).max() == pytest.approx(1.0)
+    still = replace(whole, positions=np.zeros((8, 2)), velocities=None)
+    with pytest.raises(MotionError, match="No joint with a velocity limit moves"):
+        highest_speed(still, robot)

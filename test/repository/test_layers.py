@@ -52,7 +52,7 @@ ONE_MODULE = {
     "pybullet_utils": "sim.bullet.client",
     "resource": "sim.meshes.read_meshes",
     "distributed": "checks.cluster",
-    "tqdm": "cli.check",
+    "tqdm": "cli.progress",
 }
 """Libraries that few modules import."""
 

@@ -47,8 +47,8 @@ FOLDERS = {path.name for path in ROOT.iterdir() if path.is_dir()}
 
 
 @lru_cache(maxsize=None)
-def help_of(file):
-    """Return what an executable prints for --help."""
+def help_of(file, *command):
+    """Return what an executable, or a command of it, prints for --help."""
     environment = {**os.environ, "DISPLAY": ""}
     if file.parent.name == "tools":
         run = subprocess.run(
@@ -59,7 +59,7 @@ def help_of(file):
             text=True,
         )
     else:
-        run = run_script(file, "-h", environment=environment)
+        run = run_script(file, *command, "-h", environment=environment)
     assert run.returncode == 0, run.stderr
     return run.stdout
 
@@ -72,7 +72,12 @@ def declared(file):
 def unknown_options(file, words):
     """List options that the help of an executable does not have."""
     options = [word.split("=")[0] for word in words if re.match(r"--?[a-zA-Z]", word)]
-    return [f"{file.name} {o}" for o in options if not _is_option(o, help_of(file))]
+    command = words[: file.name == "motion"]
+    return [
+        f"{file.name} {o}"
+        for o in options
+        if not _is_option(o, help_of(file, *command))
+    ]
 
 
 def _is_option(option, text):

@@ -50,9 +50,17 @@ class Task:
     path: Path
 
 
+class FileWorker:
+    """What is done with each of many files; it can be pickled."""
+
+    def outcome(self, name: str, content: Content) -> FileResult:
+        """Do it; errors become the result."""
+        raise NotImplementedError
+
+
 @dataclass(frozen=True, eq=False)
-class FileChecker:
-    """Checks files; it can be pickled."""
+class FileChecker(FileWorker):
+    """Checks files."""
 
     checker: Checker
     only: Sequence[str] = ()
@@ -95,7 +103,7 @@ class FileChecker:
         except G1DescriptionError as error:
             return FileResult(name, problem=str(error))
         except Exception as error:
-            return FileResult(name, problem=_mishap(error))
+            return FileResult(name, problem=mishap(error))
         return FileResult(name, replace(verdict, measured=None), plot=plot)
 
     def read(self, name: str, content: Content) -> Motion | FileResult:
@@ -119,10 +127,10 @@ class FileChecker:
             result = NO_MOTION if is_other else NOT_READ
             return FileResult(name, problem=problem, without_verdict=result)
         except Exception as error:  # any error of a library on a damaged file
-            return FileResult(name, problem=_mishap(error))
+            return FileResult(name, problem=mishap(error))
 
 
-def _mishap(error: Exception) -> str:
+def mishap(error: Exception) -> str:
     """Describe an unexpected error, with its place."""
     frame = traceback.extract_tb(error.__traceback__)[-1]
     place = f"{Path(frame.filename).name}:{frame.lineno}"
@@ -130,7 +138,7 @@ def _mishap(error: Exception) -> str:
 
 
 def check_content(pickled: bytes, name: str, content: Content) -> FileResult:
-    """Check a file with a pickled FileChecker, in a worker process."""
+    """Check a file with a pickled FileWorker, in a worker process."""
     with _LOCK:
         return _unpickled(pickled).outcome(name, content)
 
@@ -150,7 +158,7 @@ class Here:
     ahead = 1
     """Number of files that are submitted before the first of them is done."""
 
-    def __init__(self, checker: FileChecker) -> None:
+    def __init__(self, checker: FileWorker) -> None:
         self.checker = checker
 
     def submit(self, task: Task) -> Future[FileResult]:
@@ -189,7 +197,7 @@ START_METHOD = "spawn"
 class Processes(Here):
     """Processes that check files, each one at a time."""
 
-    def __init__(self, checker: FileChecker, count: int) -> None:
+    def __init__(self, checker: FileWorker, count: int) -> None:
         super().__init__(checker)
         self._pickled = pickle.dumps(checker)
         self._count = count

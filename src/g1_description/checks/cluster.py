@@ -78,6 +78,7 @@ class Cluster(Here):
             ClusterError: If there is no such cluster, or its workers cannot check.
         """
         super().__init__(checker)
+        self._files = checker
         self._address = address if "://" in address else f"tcp://{address}"
         self._dask = _library()
         self._client = self._connected()
@@ -152,12 +153,12 @@ class Cluster(Here):
         try:
             source = MotionSource(task.path)
             is_whole = source.name is None and not bag.recognise(source)
-            if is_whole and not has_neighbours(source) and self.checker.topic is None:
+            if is_whole and not has_neighbours(source) and self._files.topic is None:
                 return source.data
         except (OSError, MotionError):
             pass  # the reader reports the error
         # Most of a bag may be other topics, which need not be sent.
-        return self.checker.read(task.name, task.path)
+        return self._files.read(task.name, task.path)
 
     def result(self, task: Task, future: Future[FileResult]) -> FileResult:
         """Return the outcome of a file that is done."""

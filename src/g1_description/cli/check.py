@@ -16,8 +16,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TextIO
 
-from tqdm import tqdm
-
 from g1_description.api import MODEL, Robot
 from g1_description.bounds import MAX_PORT
 from g1_description.checks.batch import FileChecker, Here, Processes, Task, check_files
@@ -42,6 +40,7 @@ from g1_description.cli.compare import (
     print_comparisons,
 )
 from g1_description.cli.motion_paths import MotionFiles, motion_files, picture_names
+from g1_description.cli.progress import Printer
 from g1_description.cli.start import INTERRUPTED
 from g1_description.collisions.find_pairs import collisions_of
 from g1_description.command_line import argument, number, option, parse, say, within
@@ -341,39 +340,23 @@ class Results:
         """
         self.outcomes: dict[int, FileResult] = {}
         """By the number of the file."""
-        self._n_files, self._stream, self._next = n_files, stream, 0
-        self._bar = tqdm(total=n_files, unit="file", disable=not _is_shown(n_files))
+        self._n_files = n_files
+        self._printer = Printer(n_files, stream)
 
     def add(self, task: Task, outcome: FileResult) -> None:
         """Add the outcome of a file."""
         self.outcomes[task.number] = outcome
-        while self._next in self.outcomes:
-            self._show(self._next)
-            self._next += 1
-        self._bar.update()
+        text = outcome_text(outcome) if self._printer.stream is not None else ""
+        self._printer.add(task.number, text)
 
     def close(self) -> None:
         """Print outcomes that waited for unfinished files."""
-        self._bar.close()
-        for done in sorted(self.outcomes):
-            if done > self._next:
-                self._show(done)
+        self._printer.close()
 
     @property
     def n_missing(self) -> int:
         """Number of files that are not done."""
         return self._n_files - len(self.outcomes)
-
-    def _show(self, number: int) -> None:
-        """Print the table of a file."""
-        if self._stream is not None:
-            with tqdm.external_write_mode(self._stream):
-                say(outcome_text(self.outcomes[number]), self._stream)
-
-
-def _is_shown(n_files: int) -> bool:
-    """Return whether to show a progress bar."""
-    return n_files > 1 and sys.stderr.isatty()
 
 
 def notify(text: str) -> None:

@@ -1,16 +1,21 @@
-"""Edited motions: cut, scaled in time, moved."""
+"""Edited motions: cut, joined, scaled in time, moved, with other samples or joints."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from g1_description.errors import InvalidValueError
-from g1_description.motion.motion import SNAP, Motion, sample
-from g1_description.robot.rotation import rotate
+from g1_description.errors import InvalidValueError, MotionError, UnknownNameError
+from g1_description.motion.motion import SINGLE_TIME, SNAP, Motion, sample
+from g1_description.robot.description import Description
+from g1_description.robot.rotation import multiply, rotate, shorter_turn
 from g1_description.robot.transform import compose, inverse
+from g1_description.text import listed, similar_first
+
+MAX_SAMPLES = 1_000_000
+"""Most samples of a resampled motion."""
 
 
 def cut(
@@ -40,17 +45,51 @@ def cut(
     inside = (trajectory.times > begin + SNAP) & (trajectory.times < end - SNAP)
     ends = np.unique([begin, end])
     times = np.concatenate([ends[:1], trajectory.times[inside], ends[1:]])
+    return _sampled(trajectory, times)
+
+
+def _sampled(trajectory: Motion, times: np.ndarray) -> Motion:
+    """Give a motion other samples; at its end the last velocities are kept."""
     found = sample(trajectory, times)
-    velocities = found.velocities
-    if trajectory.velocities is not None and end == last:
-        velocities[-1] = trajectory.velocities[-1]
+    velocities = None
+    if trajectory.velocities is not None:
+        velocities = found.velocities
+        if times[-1] > trajectory.duration - SNAP:
+            velocities[-1] = trajectory.velocities[-1]
     return replace(
         trajectory,
         times=times,
         positions=found.positions,
-        velocities=None if trajectory.velocities is None else velocities,
+        velocities=velocities,
         base_poses=found.base_poses,
     )
+
+
+def resampled(trajectory: Motion, rate: float) -> Motion:
+    """Give a motion evenly spaced samples.
+
+    Args:
+        trajectory: The motion.
+        rate: Samples per second, in [Hz].
+
+    Returns:
+        The motion from its first sample on; its last sample is left out where the rate
+        does not meet it.
+
+    Raises:
+        InvalidValueError: If the rate is not positive, or makes too many samples.
+    """
+    if not 0.0 < rate < np.inf:
+        raise InvalidValueError(f"The rate must be greater than 0 (got {rate:g}).")
+    first, last = float(trajectory.times[0]), trajectory.duration
+    n_samples = (last - first) * rate + 1e-6
+    if n_samples > MAX_SAMPLES:
+        raise InvalidValueError(
+            f"The motion would have {n_samples:.0f} samples at {rate:g} Hz; the limit "
+            f"is {MAX_SAMPLES}."
+        )
+    times = np.minimum(first + np.arange(int(n_samples) + 1) / rate, last)
+    return replace(_sampled(trajectory, times), has_times=True)
 
 
 def at_speed(trajectory: Motion, speed: float, start: float = 0.0) -> Motion:
@@ -108,16 +147,248 @@ def to_start_at(trajectory: Motion, pose: np.ndarray) -> Motion:
     if trajectory.base_poses is None:
         return trajectory
     T_map_motion = compose(
-        _on_floor(pose), inverse(_on_floor(trajectory.base_poses[0]))
+        projected(pose), inverse(projected(trajectory.base_poses[0]))
     )
     return moved(trajectory, T_map_motion)
 
 
-def _on_floor(pose: np.ndarray) -> np.ndarray:
-    """Project a pose to the floor: its position, and the heading of its x axis."""
+def projected(pose: np.ndarray) -> np.ndarray:
+    """Project a pose to the floor.
+
+    Args:
+        pose: In the map, shape (7,).
+
+    Returns:
+        An upright pose at height 0, with the place and the heading of the x axis.
+    """
     forward = rotate(pose[3:], np.array([1.0, 0.0, 0.0]))
     half = 0.5 * np.arctan2(forward[1], forward[0])
     return np.array([pose[0], pose[1], 0.0, 0.0, 0.0, np.sin(half), np.cos(half)])
+
+
+def joined(
+    motions: Sequence[Motion], blend: float = 0.0, follows: bool = True
+) -> Motion:
+    """Join motions, one after another.
+
+    Args:
+        motions: At least one. All have the joints of the first, in any order, and all
+            or none have a base.
+        blend: Time in which the end of a motion becomes the beginning of the next, in
+            [s]; 0: the next one begins one sample later.
+        follows: Whether a motion is moved to the place and heading at which the one
+            before ends; its height and tilt stay.
+
+    Returns:
+        The motion, with velocities if all have them; blended parts have the samples of
+        the next motion.
+
+    Raises:
+        MotionError: If joints or bases differ.
+        InvalidValueError: If the blend is longer than a motion.
+    """
+    whole = motions[0]
+    for number, other in enumerate(motions[1:], 2):
+        differ = {*whole.joint_names} ^ {*other.joint_names}
+        if differ:
+            raise MotionError(
+                f"Motion {number} cannot be joined: these joints are only in it or in "
+                f"those before: {listed(sorted(differ))}."
+            )
+        if (whole.base_poses is None) != (other.base_poses is None):
+            raise MotionError(
+                f"Motion {number} cannot be joined: all or none must have a base."
+            )
+        shorter = min(one.duration - float(one.times[0]) for one in (whole, other))
+        if not 0.0 <= blend <= shorter:
+            raise InvalidValueError(
+                f"The blend must be from 0 to the shortest motion's {shorter:g} s (got "
+                f"{blend:g})."
+            )
+        whole = _joined(whole, arranged(other, whole.joint_names), blend, follows)
+    return whole
+
+
+def _joined(before: Motion, after: Motion, blend: float, follows: bool) -> Motion:
+    """Join two motions of the same joints."""
+    begin = before.duration - blend if blend else before.duration + _period(after)
+    if follows and before.base_poses is not None:
+        place = sample(before, begin).base_poses
+        assert place is not None
+        after = to_start_at(after, place)
+    after = replace(after, times=after.times - after.times[0] + begin)
+    if blend:
+        after = _blended(before, after, blend)
+    kept = before.times < begin - SNAP
+
+    def both(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+        return np.concatenate([first[kept], second])
+
+    velocities, poses = before.velocities, before.base_poses
+    if velocities is not None and after.velocities is not None:
+        velocities = both(velocities, after.velocities)
+    else:
+        velocities = None
+    if poses is not None and after.base_poses is not None:
+        poses = both(poses, after.base_poses)
+    return replace(
+        before,
+        times=both(before.times, after.times),
+        positions=both(before.positions, after.positions),
+        velocities=velocities,
+        base_poses=poses,
+        notes=(*dict.fromkeys((*before.notes, *after.notes)),),
+        has_times=before.has_times and after.has_times,
+    )
+
+
+def _period(trajectory: Motion) -> float:
+    """Return the average time between two samples, in [s]."""
+    span = trajectory.duration - float(trajectory.times[0])
+    return span / (len(trajectory.times) - 1) if span else SINGLE_TIME
+
+
+def _blended(before: Motion, after: Motion, blend: float) -> Motion:
+    """Let the beginning of a motion come out of the end of another."""
+    share = np.clip((after.times - after.times[0]) / blend, 0.0, 1.0)[:, np.newaxis]
+    weight = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+    left = 1.0 - weight  # exactly 0 after the blend
+    old = sample(before, after.times)
+    change = after.positions - old.positions
+    velocities, poses = after.velocities, after.base_poses
+    if velocities is not None:
+        rate = 30.0 * share**2 * (1.0 - share) ** 2 / blend
+        velocities = velocities - left * (velocities - old.velocities) + rate * change
+    if poses is not None and old.base_poses is not None:
+        poses = between(old.base_poses, poses, weight)
+    return replace(
+        after,
+        positions=after.positions - left * change,
+        velocities=velocities,
+        base_poses=poses,
+    )
+
+
+def between(T_a_b: np.ndarray, T_a_c: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Interpolate between poses, straight and about one axis.
+
+    Args:
+        T_a_b: Poses at weight 0, shape (..., 7).
+        T_a_c: Poses at weight 1, shape (..., 7).
+        weight: From 0 to 1, shape (..., 1).
+    """
+    axis, half = shorter_turn(T_a_b[..., 3:], T_a_c[..., 3:])
+    turn = np.concatenate([np.sin(weight * half) * axis, np.cos(weight * half)], -1)
+    places = T_a_b[..., :3] + weight * (T_a_c[..., :3] - T_a_b[..., :3])
+    return np.concatenate([places, multiply(T_a_b[..., 3:], turn)], axis=-1)
+
+
+def arranged(trajectory: Motion, joint_names: Sequence[str]) -> Motion:
+    """Give a motion exactly these joints, in this order.
+
+    Args:
+        trajectory: The motion.
+        joint_names: Joints that it does not have are at 0; its other joints are left
+            out.
+
+    Returns:
+        The motion, with notes on what was added and left out.
+    """
+    column = {name: number for number, name in enumerate(trajectory.joint_names)}
+    notes = [*trajectory.notes]
+    lost = [name for name in trajectory.joint_names if name not in joint_names]
+    if lost:
+        tops = np.abs(trajectory.positions).max(axis=0)
+        each = listed(f"{name} (up to {tops[column[name]]:.3g})" for name in lost)
+        notes.append(f"Joints left out: {each}.")
+    added = [name for name in joint_names if name not in column]
+    if added:
+        notes.append(f"Joints added at 0: {listed(added)}.")
+
+    def of_joints(values: np.ndarray | None) -> np.ndarray | None:
+        if values is None:
+            return None
+        wider = np.pad(values, ((0, 0), (0, 1)))  # the last column is 0
+        return wider[:, [column.get(name, -1) for name in joint_names]]
+
+    positions = of_joints(trajectory.positions)
+    assert positions is not None
+    return replace(
+        trajectory,
+        joint_names=tuple(joint_names),
+        positions=positions,
+        velocities=of_joints(trajectory.velocities),
+        notes=tuple(notes),
+    )
+
+
+def renamed(trajectory: Motion, names: Mapping[str, str]) -> Motion:
+    """Rename joints of a motion.
+
+    Args:
+        trajectory: The motion.
+        names: New names by old names.
+
+    Raises:
+        UnknownNameError: If the motion has no joint of an old name.
+        MotionError: If two joints would have the same name.
+    """
+    own = trajectory.joint_names
+    for name in names:
+        if name not in own:
+            raise UnknownNameError(
+                f"The motion has no joint '{name}'. Its joints: "
+                f"{listed(similar_first(name, own)) or 'none'}."
+            )
+    return replace(trajectory, joint_names=tuple(names.get(n, n) for n in own))
+
+
+def joint_speeds(trajectory: Motion) -> np.ndarray:
+    """Compute the top speeds of the joints, also between samples.
+
+    Returns:
+        In [rad/s] or [m/s], shape (n_joints,); 0 for a single sample without
+        velocities.
+    """
+    rates, gaps = trajectory.velocities, np.diff(trajectory.times)[:, np.newaxis]
+    slopes = np.diff(trajectory.positions, axis=0) / gaps
+    if rates is None:
+        return np.abs(slopes).max(axis=0, initial=0.0)
+    # The velocity is a parabola of the share of a segment; its vertex may be inside.
+    curve = 3.0 * (rates[:-1] + rates[1:] - 2.0 * slopes)
+    middle = 3.0 * slopes - 2.0 * rates[:-1] - rates[1:]
+    share = np.clip(-middle / np.where(curve == 0.0, np.inf, curve), 0.0, 1.0)
+    vertex = rates[:-1] + share * (2.0 * middle + share * curve)
+    return np.abs(np.concatenate([rates, vertex])).max(axis=0)
+
+
+def base_speed(trajectory: Motion) -> float | None:
+    """Compute the top speed of the base's origin in [m/s]; None without a base."""
+    if trajectory.base_poses is None:
+        return None
+    steps = np.linalg.norm(np.diff(trajectory.base_poses[:, :3], axis=0), axis=1)
+    return float((steps / np.diff(trajectory.times)).max(initial=0.0))
+
+
+def highest_speed(trajectory: Motion, robot: Description) -> float:
+    """Compute how fast a motion can be played within the velocity limits of the joints.
+
+    Args:
+        trajectory: The motion.
+        robot: Its limits.
+
+    Returns:
+        The largest speed for ``at_speed``: at it, a joint is at its limit.
+
+    Raises:
+        MotionError: If no joint with a limit moves.
+    """
+    limits = {joint.name: joint.velocity for joint in robot.movable_joints}
+    bounds = np.array([limits.get(name, np.inf) for name in trajectory.joint_names])
+    share = (joint_speeds(trajectory) / bounds).max(initial=0.0)
+    if not share > 0.0:
+        raise MotionError("No joint with a velocity limit moves.")
+    return float(1.0 / share)
 
 
 N_SAMPLES = 101

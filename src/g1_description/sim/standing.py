@@ -8,7 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from g1_description.errors import DescriptionError
+from g1_description.errors import DescriptionError, MotionError
+from g1_description.motion.edit import moved
 from g1_description.motion.motion import Motion
 from g1_description.robot.assembly import WORLD, Assembly
 from g1_description.robot.description import Description, origin_reaches
@@ -122,6 +123,11 @@ def lowest_height(robot: Description, trajectory: Motion) -> float:
     Returns:
         Height in the map, in [m]; of the links' origins if there are no shapes.
     """
+    return float(lowest_heights(robot, trajectory).min())
+
+
+def lowest_heights(robot: Description, trajectory: Motion) -> np.ndarray:
+    """Like ``lowest_height``, of each sample, shape (n_samples,)."""
     columns = {name: n for n, name in enumerate(trajectory.joint_names)}
     positions = np.zeros((len(trajectory.times), len(robot.movable_joints)))
     for row, joint in enumerate(robot.movable_joints):
@@ -142,15 +148,35 @@ def lowest_height(robot: Description, trajectory: Motion) -> float:
                 points, radius = outline(shape, meshes)
                 points = shape.pose[:3] + rotate(shape.pose[3:], points)
                 lowest.append(_lowest(poses[:, row], points) - radius)
-    return float(min(lowest, default=poses[..., 2].min()))
+    return np.min(lowest or [poses[..., 2].min(axis=1)], axis=0)
 
 
-def _lowest(poses: np.ndarray, points: np.ndarray) -> float:
-    """Compute the lowest height of points of a link.
+def on_floor(robot: Description, motion: Motion) -> Motion:
+    """Lift or lower a whole motion so that its lowest point is at height 0.
+
+    Args:
+        robot: The robot.
+        motion: With a base.
+
+    Raises:
+        MotionError: If it has no base.
+    """
+    if motion.base_poses is None:
+        raise MotionError("The motion has no base, so it has no height.")
+    T_map_motion = IDENTITY.copy()
+    T_map_motion[2] = -lowest_height(robot, motion)
+    return moved(motion, T_map_motion)
+
+
+def _lowest(poses: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Compute the lowest heights of points of a link.
 
     Args:
         poses: Poses of the link in each sample, shape (n_samples, 7).
         points: Points in the link's frame, in [m], shape (n, 3).
+
+    Returns:
+        In [m], shape (n_samples,).
     """
     up = rotate(conjugate(poses[:, 3:]), np.array([0.0, 0.0, 1.0]))
     n_at_once = max(1, MAX_PRODUCTS // len(points))
@@ -158,4 +184,4 @@ def _lowest(poses: np.ndarray, points: np.ndarray) -> float:
         (up[first : first + n_at_once] @ points.T).min(axis=1)
         for first in range(0, len(up), n_at_once)
     ]
-    return float((poses[:, 2] + np.concatenate(lowest)).min())
+    return poses[:, 2] + np.concatenate(lowest)

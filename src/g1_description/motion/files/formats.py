@@ -15,7 +15,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Callable, Mapping, Union
 
-from g1_description.errors import InvalidValueError, MotionError
+from g1_description.errors import MotionError
 from g1_description.files.atomic import write_whole
 from g1_description.motion.files import (
     amp_dataset,
@@ -143,25 +143,39 @@ def read_motion(
     Raises:
         MotionError: If the file cannot be read, or its motion does not fit the robot.
     """
-    source = MotionSource(path, rate, topic, order)
+    return read_source(MotionSource(path, rate, topic, order), robot, name)
+
+
+def read_source(
+    source: MotionSource, robot: Description, name: str | None = None, fits: bool = True
+) -> Motion:
+    """Read a motion as ``read_motion`` does; a source reads its file only once.
+
+    Args:
+        source: The file.
+        robot: The robot.
+        name: Of the format.
+        fits: Whether joints that the robot does not have are left out.
+    """
     try:
         module = _format(source, name)
         if source.name is not None and not _names(module, source):
             raise MotionError("The file has no motions with names.")
         motion = module.read(source, robot)
-        if order is not None and module not in ORDER_OPEN:
+        if source.order is not None and module not in ORDER_OPEN:
             ignored = "The format has one order of quaternions: --order is ignored."
             motion = replace(motion, notes=(*motion.notes, ignored))
-        if rate is not None and motion.has_times:
-            ignored = f"the rate of {rate:g} Hz is ignored"
+        if source.rate is not None and motion.has_times:
+            ignored = f"the rate of {source.rate:g} Hz is ignored"
             notes = (*motion.notes, f"The file has its own times: {ignored}.")
             motion = replace(motion, notes=notes)
-        motion = fitted(motion, robot)
+        motion = fitted(motion, robot) if fits else motion
         if module is not bag:  # ROS uses radians
             check_radians(motion, robot)
             motion = replace(motion, notes=(*motion.notes, *hints(motion, robot)))
     except MotionError as error:
-        raise type(error)(f"{path.name}: {error}") from error
+        file = source.path.name + (f"#{source.name}" if source.name else "")
+        raise type(error)(f"{file}: {error}") from error
     return motion
 
 
@@ -192,6 +206,16 @@ def is_motion_folder(folder: Path) -> bool:
     """Return whether a folder is one motion, as of SONIC and HDMI."""
     source = MotionSource(folder)
     return any(module.recognise(source) for module in FORMATS.values())
+
+
+def format_name(source: MotionSource) -> str:
+    """Return the name of a file's format, one of ``FORMATS``.
+
+    Raises:
+        MotionError: If there is none.
+    """
+    found = _format(source)
+    return next(name for name, module in FORMATS.items() if module is found)
 
 
 def _format(source: MotionSource, name: str | None = None) -> ModuleType:
@@ -266,25 +290,32 @@ def write_motion(
         MotionError: If the format does not support it, or it is too large.
         InvalidValueError: If the file cannot be written.
     """
+    files, notes = contents(path, motion, robot, rate, name)
+    for file, part in files.items():
+        write_whole(file, part)
+    return notes
+
+
+def contents(
+    path: Path,
+    motion: Motion,
+    robot: Description,
+    rate: float | None = None,
+    name: str | None = None,
+) -> tuple[dict[Path, bytes], tuple[str, ...]]:
+    """Make what ``write_motion`` writes: bytes by file, and its messages."""
     content, notes = writer_of(path, name).write(motion, robot, rate)
     if isinstance(content, bytes):
         files = {path: content}
     else:
         files = {path / file: part for file, part in content.items()}
-        try:
-            path.mkdir(exist_ok=True)
-        except OSError as error:
-            raise InvalidValueError(
-                f"{path} cannot be made: {error.strerror}."
-            ) from error
     for file, part in files.items():
         if len(part) > MAX_FILE_SIZE:
             raise MotionError(
                 f"{file.name} would have {len(part) / 1e6:.0f} MB; the limit is "
                 f"{MAX_FILE_SIZE / 1e6:.0f} MB."
             )
-        write_whole(file, part)
-    return tuple(notes)
+    return files, tuple(notes)
 
 
 def writer_of(path: Path, name: str | None = None) -> Writer:

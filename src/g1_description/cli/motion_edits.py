@@ -1,0 +1,344 @@
+"""What the subcommands of ``motion`` do with a motion, and their options."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+from g1_description.cli import options
+from g1_description.command_line import MAX_FPS, argument, option, positive, within
+from g1_description.errors import InvalidValueError, UnknownNameError
+from g1_description.motion.edit import (
+    arranged,
+    at_speed,
+    cut,
+    highest_speed,
+    joined,
+    renamed,
+    resampled,
+)
+from g1_description.motion.files.beyond_mimic import breadth_first
+from g1_description.motion.files.conventions import ASAP_JOINTS, G1_JOINTS
+from g1_description.motion.files.formats import WRITERS
+from g1_description.motion.mirror import mirrored
+from g1_description.motion.motion import Motion, fitted
+from g1_description.robot.description import Description
+from g1_description.robot.poses import check_pose, find_pose, pose_positions, read_poses
+from g1_description.sim.padding import padded
+from g1_description.sim.standing import on_floor
+from g1_description.text import listed, similar_first
+
+JOINTS: Mapping[str, tuple[str, ...]] = {
+    **{str(number): names for number, names in G1_JOINTS.items()},
+    "asap": ASAP_JOINTS,
+}
+"""Joints of versions of the G1, by the name of the option's value."""
+
+ISAAC_LAB = "isaaclab"
+ORDERS = ("mujoco", ISAAC_LAB)
+
+
+def new_names(text: str) -> dict[str, str]:
+    """Read pairs of names."""
+    pairs = [pair.split("=") for pair in text.split(",")]
+    if all(len(pair) == 2 and all(pair) for pair in pairs):
+        return {old.strip(): new.strip() for old, new in pairs}
+    raise argparse.ArgumentTypeError(f"must be OLD=NEW,... (got '{text}')")
+
+
+@dataclass(frozen=True)
+class Reading:
+    """Options for reading motions."""
+
+    files: list[Path] = argument(
+        "a motion, FILE#NAME for one of several in a file, or a folder with motions "
+        "below it",
+        Path,
+        nargs="+",
+        metavar="FILE",
+    )
+    model: str | None = options.model()
+    fps: float | None = options.fps()
+    topic: str | None = options.topic()
+    order: str | None = options.order()
+    format: str | None = options.file_format()
+    every: bool = option(
+        "take all motions of files that have several", False, names=("--all",)
+    )
+    jobs: int = option(
+        "number of worker processes", 1, within(1, 256, int), metavar="N"
+    )
+
+    reads_all: ClassVar[bool] = False
+    """Whether joints that the robot does not have are read."""
+
+    def check(self, robot: Description) -> None:
+        """Check the options for a robot.
+
+        Raises:
+            G1DescriptionError: If they do not fit it.
+        """
+
+
+@dataclass(frozen=True)
+class Info(Reading):
+    """Print what motions are: format, joints, samples, duration, top speeds."""
+
+    json: bool = option("print a line of JSON for each motion", False)
+
+
+@dataclass(frozen=True)
+class Edit(Reading):
+    """Options for writing motions."""
+
+    out: Path = option(
+        "the file; a folder for several motions",
+        None,
+        Path,
+        required=True,
+        metavar="FILE",
+    )
+    to: str | None = option(
+        f"format to write: {', '.join(WRITERS)}",
+        None,
+        str,
+        shown="by the extension",
+        metavar="NAME",
+        choices=tuple(WRITERS),
+    )
+    force: bool = option("replace existing files", False)
+
+    def edited(self, motion: Motion, robot: Description) -> Motion:
+        """Edit a motion.
+
+        Raises:
+            G1DescriptionError: If it cannot be done.
+        """
+        return motion
+
+
+@dataclass(frozen=True)
+class Convert(Edit):
+    """Write motions in another format."""
+
+    joints: str | None = option(
+        "joints to write: 29, 27 or 23 of Unitree's G1, or asap, the 23 of ASAP, PBHC "
+        "and GMT; others are left out, missing ones at 0",
+        None,
+        str,
+        shown="those of the motion",
+        choices=tuple(JOINTS),
+    )
+    joint_order: str | None = option(
+        "order of the joints: mujoco, that of the robot's file, or isaaclab, breadth "
+        "first",
+        None,
+        str,
+        shown="that of the motion",
+        choices=ORDERS,
+    )
+
+    def check(self, robot: Description) -> None:
+        """Check that the robot has the joints."""
+        own = {joint.name for joint in robot.movable_joints}
+        missing = [n for n in JOINTS.get(self.joints or "", ()) if n not in own]
+        if missing:
+            raise UnknownNameError(
+                f"--joints {self.joints} needs joints that {robot.name} does not have: "
+                f"{listed(missing)}. Choose another --model."
+            )
+
+    def edited(self, motion: Motion, robot: Description) -> Motion:
+        """Choose and order the joints."""
+        if self.joints is not None:
+            motion = arranged(motion, JOINTS[self.joints])
+        if self.joint_order is None:
+            return motion
+        if self.joint_order == ISAAC_LAB:
+            return arranged(motion, breadth_first(robot, motion.joint_names))
+        own = [joint.name for joint in robot.movable_joints]
+        return arranged(motion, [n for n in own if n in motion.joint_names])
+
+
+@dataclass(frozen=True)
+class Cut(Edit):
+    """Cut a part out of motions; it begins at 0 s."""
+
+    begin: float | None = option(
+        "start of the part [s]", None, within(0.0), names=("--from",), metavar="TIME"
+    )
+    end: float | None = option(
+        "end of the part [s]", None, within(0.0), names=("--until",), metavar="TIME"
+    )
+
+    def __post_init__(self) -> None:
+        """Check that there is something to do."""
+        if self.begin is None and self.end is None:
+            raise InvalidValueError("give --from, --until or both")
+
+    def edited(self, motion: Motion, robot: Description) -> Motion:
+        """Cut it."""
+        part = cut(motion, self.begin, self.end)
+        return at_speed(part, 1.0, float(part.times[0]))
+
+
+@dataclass(frozen=True)
+class Join(Edit):
+    """Join motions to one, in the order given."""
+
+    blend: float = option(
+        "time in which one motion becomes the next [s]; 0: one sample", 0.0, within(0.0)
+    )
+    stay: bool = option(
+        "leave each motion at its place; otherwise it begins at the place and heading "
+        "at which the one before ends",
+        False,
+    )
+
+    def joined(self, motions: Sequence[Motion]) -> Motion:
+        """Join them."""
+        return joined(motions, self.blend, not self.stay)
+
+
+@dataclass(frozen=True)
+class Mirror(Edit):
+    """Exchange left and right, at the plane y = 0."""
+
+    def edited(self, motion: Motion, robot: Description) -> Motion:
+        """Mirror it."""
+        return mirrored(motion, robot)
+
+
+@dataclass(frozen=True)
+class Retime(Edit):
+    """Play motions faster or slower."""
+
+    speed: float | None = option(
+        "seconds of the motion in a second", None, positive(1e6)
+    )
+    duration: float | None = option("new duration [s]", None, positive(1e6))
+    fastest: bool = option("as fast as the velocity limits of the joints allow", False)
+
+    def __post_init__(self) -> None:
+        """Check that there is one thing to do."""
+        if (self.speed, self.duration, self.fastest or None).count(None) != 2:
+            raise InvalidValueError("give one of --speed, --duration and --fastest")
+
+    def edited(self, motion: Motion, robot: Description) -> Motion:
+        """Change its speed."""
+        speed = self.speed
+        if self.fastest:
+            speed = highest_speed(motion, robot)
+        elif speed is None and self.duration is not None:
+            speed = motion.duration / self.duration
+        if not speed:
+            raise InvalidValueError("A motion of a single sample has no duration.")
+        return at_speed(motion, speed)
+
+
+@dataclass(frozen=True)
+class Resample(Edit):
+    """Give motions evenly spaced samples."""
+
+    rate: float = option(
+        "samples per second", None, positive(MAX_FPS), required=True, metavar="HZ"
+    )
+
+    def edited(self, motion: Motion, robot: Description) -> Motion:
+        """Resample it."""
+        return resampled(motion, self.rate)
+
+
+@dataclass(frozen=True)
+class Pad(Edit):
+    """Let motions come from a named pose and end in one, standing on the floor."""
+
+    begin: str | None = option("pose before the motion", None, str, metavar="POSE")
+    end: str | None = option("pose after it", None, str, metavar="POSE")
+    seconds: float = option(
+        "shortest time from and to a pose [s]; longer where a joint would be too fast",
+        1.0,
+        positive(1e3),
+    )
+
+    def __post_init__(self) -> None:
+        """Check that there is something to do."""
+        if self.begin is None and self.end is None:
+            raise InvalidValueError("give --begin, --end or both")
+
+    def check(self, robot: Description) -> None:
+        """Check that the poses exist and fit."""
+        self._poses(robot)
+
+    def edited(self, motion: Motion, robot: Description) -> Motion:
+        """Pad it."""
+        return padded(robot, motion, *self._poses(robot), self.seconds)
+
+    def _poses(self, robot: Description) -> list[dict[str, float] | None]:
+        """Return the positions by joint of both poses."""
+        known, found = read_poses(), []
+        joints = [joint.name for joint in robot.movable_joints]
+        for name in (self.begin, self.end):
+            if name is None:
+                found.append(None)
+                continue
+            pose = find_pose(name, known)
+            check_pose(pose, robot)
+            found.append(dict(zip(joints, pose_positions(pose, robot).tolist())))
+        return found
+
+
+@dataclass(frozen=True)
+class Floor(Edit):
+    """Lift or lower whole motions so that their lowest point is at height 0."""
+
+    def edited(self, motion: Motion, robot: Description) -> Motion:
+        """Set it on the floor."""
+        return on_floor(robot, motion)
+
+
+@dataclass(frozen=True)
+class Rename(Edit):
+    """Rename joints."""
+
+    names: Mapping[str, str] = option(
+        "new names of joints, such as left_toe_joint=left_ankle_pitch_joint",
+        None,
+        new_names,
+        required=True,
+        metavar="OLD=NEW,...",
+    )
+
+    reads_all = True
+
+    def check(self, robot: Description) -> None:
+        """Check that the robot has joints of the new names."""
+        own = [joint.name for joint in robot.movable_joints]
+        for name in self.names.values():
+            if name not in own:
+                raise UnknownNameError(
+                    f"{robot.name} has no joint '{name}'. Its joints: "
+                    f"{listed(similar_first(name, own))}."
+                )
+
+    def edited(self, motion: Motion, robot: Description) -> Motion:
+        """Rename them, and leave out what the robot does not have."""
+        return fitted(renamed(motion, self.names), robot)
+
+
+COMMANDS: Mapping[str, type[Reading]] = {
+    "info": Info,
+    "convert": Convert,
+    "cut": Cut,
+    "join": Join,
+    "mirror": Mirror,
+    "retime": Retime,
+    "resample": Resample,
+    "pad": Pad,
+    "floor": Floor,
+    "rename": Rename,
+}
+"""Options by subcommand."""
