@@ -318,6 +318,23 @@ def test_hdmi_is_read_by_names(g1, tmp_path):
         read_motion(folder / "motion.npz", g1)
 
 
+def test_the_base_of_tracking_is_the_body_of_its_name(g1, file):
+    qpos = configurations()
+    arrays = {
+        "fps": [50],
+        "joint_pos": qpos[:, 7:],
+        "joint_vel": np.zeros((N, 29)),
+        "joint_names": np.array(JOINTS),
+        "body_pos_w": np.stack([np.zeros((N, 3)), qpos[:, :3]], axis=1),
+        "body_quat_w": np.stack([qpos[:, 3:7], qpos[:, 3:7]], axis=1),
+    }
+    motion = read_motion(file(npz(**arrays)), g1)
+    assert motion.base_poses[0, 2] == 0.0
+    assert motion.velocities is None  # zeros, though the elbow moves
+    named = npz(**arrays, body_names=np.array(["world", "pelvis"]))
+    assert read_motion(file(named), g1).base_poses[0, 2] == 0.78
+
+
 def amp(bodies=("left_knee_link", "pelvis")):
     qpos = configurations()
     n_bodies = len(bodies)

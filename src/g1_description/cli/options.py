@@ -38,7 +38,8 @@ def model() -> Any:
 def fps() -> Any:
     """Declare the sampling rate of files without times."""
     about = "samples per second of files without times"
-    return option(about, None, positive(MAX_FPS), shown="30")
+    shown = "that in the file's name, or the usual one of its format"
+    return option(about, None, positive(MAX_FPS), shown=shown)
 
 
 ORDERS = ("xyzw", "wxyz")

@@ -1,7 +1,7 @@
 """Arrays of BeyondMimic, mjlab and unitree_rl_lab in an npz; also written.
 
-``fps, joint_pos, joint_vel, body_pos_w, body_quat_w``; body 0 is the root, quaternions
-are w x y z. Traps:
+``fps, joint_pos, joint_vel, body_pos_w, body_quat_w``; body 0 is the root, unless
+``body_names`` say otherwise; quaternions are w x y z. Traps:
 
 - Isaac Lab (whole_body_tracking, unitree_rl_lab) orders joints and bodies breadth
   first, MuJoCo (mjlab) as in the file, and the file does not say which. The order
@@ -19,7 +19,13 @@ from dataclasses import replace
 import numpy as np
 
 from g1_description.errors import MotionError
-from g1_description.motion.files.conventions import layouts, names_of_columns, of_robot
+from g1_description.motion.files.conventions import (
+    base_of,
+    known,
+    layouts,
+    names_of_columns,
+    of_robot,
+)
 from g1_description.motion.files.source import MotionSource
 from g1_description.motion.files.writing import (
     MAX_SAMPLES,
@@ -71,6 +77,7 @@ def read(source: MotionSource, robot: Description) -> Motion:
     velocities = None
     if "joint_vel" in source.arrays:
         velocities = source.arrays.numbers("joint_vel", n_samples, n_joints)
+        velocities = known(velocities, positions)
     if not places.shape[1]:
         raise MotionError("body_pos_w must have at least one body, the root.")
     named = None
@@ -81,7 +88,12 @@ def read(source: MotionSource, robot: Description) -> Motion:
                 f"joint_names has {len(named)} names for {n_joints} joints."
             )
     times, of_times = source.arrays.times(n_samples)
-    base = np.concatenate([places[:, 0], turns[:, 0, 1:], turns[:, 0, :1]], axis=1)
+    root = 0
+    if "body_names" in source.arrays:
+        bodies_named = source.arrays.names("body_names")
+        if robot.root in bodies_named[: places.shape[1]]:
+            root = bodies_named.index(robot.root)
+    base = base_of(places[:, root], turns[:, root])
     names, notes = _names(named, positions, base, places, robot)
     trajectory = Motion(times, names, positions, velocities, base)
     return replace(trajectory, notes=(*notes, *of_times))
