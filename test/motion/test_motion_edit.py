@@ -11,18 +11,13 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from g1_description.errors import InvalidValueError, MotionError, UnknownNameError
 from g1_description.motion.edit import (
-    arranged,
-    at_speed,
     base_speed,
-    cut,
     highest_speed,
     joined,
     joint_speeds,
     minimum_jerk,
     minimum_jerk_trajectory,
     moved,
-    renamed,
-    resampled,
     to_start_at,
 )
 from g1_description.motion.motion import Motion, sample
@@ -51,7 +46,7 @@ def test_a_part_is_the_same_motion(velocities, ends, share):
     whole = motion(velocities=velocities)
     first, last = whole.times[0], whole.times[-1]
     begin, end = sorted(first + one * (last - first) for one in ends)
-    part = cut(whole, begin, end)
+    part = whole.cut(begin, end)
     assert (part.times[0], part.times[-1]) == (begin, end)
     time = begin + share * (end - begin)
     wanted, found = sample(whole, time), sample(part, time)
@@ -65,7 +60,7 @@ def test_a_part_is_the_same_motion(velocities, ends, share):
 
 def test_all_of_it_is_the_same_to_the_last_bit():
     whole = motion()
-    part = cut(whole)
+    part = whole.cut()
     for name in ("times", "positions", "velocities", "base_poses"):
         assert (getattr(part, name) == getattr(whole, name)).all()
 
@@ -73,14 +68,14 @@ def test_all_of_it_is_the_same_to_the_last_bit():
 def test_what_is_no_part_is_told():
     whole = motion()
     with pytest.raises(InvalidValueError, match=r"0-0\.5 s is outside the motion"):
-        cut(whole, 0.0, 0.5)
+        whole.cut(0.0, 0.5)
     with pytest.raises(InvalidValueError, match="is outside the motion"):
-        cut(whole, whole.times[3], whole.times[2])
+        whole.cut(whole.times[3], whole.times[2])
 
 
 def test_twice_the_speed_is_twice_the_velocities_in_half_the_time():
     whole = motion()
-    fast = at_speed(whole, 2.0, start=whole.times[0])
+    fast = whole.at_speed(2.0, start=whole.times[0])
     assert fast.times[0] == 0.0
     for time in np.linspace(whole.times[0], whole.times[-2], 20):
         slow = sample(whole, time)
@@ -175,7 +170,7 @@ def test_a_sampled_way_is_the_same_with_its_velocities(share, seconds):
 def test_a_resampled_motion_is_the_same_motion():
     whole = motion()
     first, last = whole.times[0], whole.times[-1]
-    found = resampled(whole, 37.0)
+    found = whole.resampled(37.0)
     np.testing.assert_allclose(np.diff(found.times), 1 / 37.0)
     assert found.times[0] == first
     assert last - 1 / 37.0 < found.times[-1] <= last
@@ -189,7 +184,7 @@ def test_resampled_at_its_own_rate_it_keeps_every_sample():
     times = np.arange(50) / 30.0
     values = np.outer(np.sin(times), [1.0, 2.0])
     whole = Motion(times, ("knee", "elbow"), values, values)
-    found = resampled(whole, 30.0)
+    found = whole.resampled(30.0)
     np.testing.assert_allclose(found.times, times, atol=1e-12)
     np.testing.assert_allclose(found.positions, values, atol=1e-9)
     assert (found.velocities[-1] == values[-1]).all()
@@ -198,12 +193,12 @@ def test_resampled_at_its_own_rate_it_keeps_every_sample():
 @pytest.mark.parametrize("rate", [0.0, -1.0, np.nan, np.inf, 1e9])
 def test_a_rate_that_makes_no_motion_is_told(rate):
     with pytest.raises(InvalidValueError, match=r"rate must be|samples at 1e\+09 Hz"):
-        resampled(motion(), rate)
+        motion().resampled(rate)
 
 
 def test_joined_motions_follow_one_another_from_place_to_place():
     first, second = motion(1), motion(2)
-    second = arranged(second, ("elbow", "knee"))
+    second = second.arranged(("elbow", "knee"))
     whole = joined([first, second])
     n = len(first.times)
     np.testing.assert_array_equal(whole.times[:n], first.times)
@@ -260,7 +255,7 @@ def test_blended_bases_turn_about_one_axis():
 
 def test_what_cannot_be_joined_is_told():
     whole = motion()
-    other = renamed(whole, {"knee": "hip"})
+    other = whole.renamed({"knee": "hip"})
     with pytest.raises(MotionError, match=r"Motion 2 .* hip, knee\."):
         joined([whole, other])
     with pytest.raises(MotionError, match="all or none must have a base"):
@@ -271,7 +266,7 @@ def test_what_cannot_be_joined_is_told():
 
 def test_joints_are_left_out_and_added_by_name():
     whole = motion()
-    found = arranged(whole, ("toe", "elbow"))
+    found = whole.arranged(("toe", "elbow"))
     np.testing.assert_array_equal(found.positions[:, 0], 0.0)
     np.testing.assert_array_equal(found.velocities[:, 1], whole.velocities[:, 1])
     lost = np.abs(whole.positions[:, 0]).max()
@@ -282,11 +277,11 @@ def test_joints_are_left_out_and_added_by_name():
 
 
 def test_joints_get_new_names():
-    assert renamed(motion(), {"knee": "hip"}).joint_names == ("hip", "elbow")
+    assert motion().renamed({"knee": "hip"}).joint_names == ("hip", "elbow")
     with pytest.raises(UnknownNameError, match=r"no joint 'kne'\. Its joints: knee"):
-        renamed(motion(), {"kne": "hip"})
+        motion().renamed({"kne": "hip"})
     with pytest.raises(MotionError, match="duplicate joints: elbow"):
-        renamed(motion(), {"knee": "elbow"})
+        motion().renamed({"knee": "elbow"})
 
 
 @pytest.mark.parametrize("velocities", [True, False])
@@ -308,7 +303,7 @@ def test_at_its_highest_speed_a_joint_is_at_its_limit():
     ]
     links = tuple(Link(name) for name in ("trunk", "knee", "elbow"))
     robot = Description("two", "trunk", links, tuple(joints))
-    fast = at_speed(whole, highest_speed(whole, robot))
+    fast = whole.at_speed(highest_speed(whole, robot))
     assert (joint_speeds(fast) / limits).max() == pytest.approx(1.0)
     still = replace(whole, positions=np.zeros((8, 2)), velocities=None)
     with pytest.raises(MotionError, match="No joint with a velocity limit moves"):

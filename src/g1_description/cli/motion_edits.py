@@ -12,13 +12,8 @@ from g1_description.cli import options
 from g1_description.command_line import MAX_FPS, argument, option, positive, within
 from g1_description.errors import InvalidValueError, UnknownNameError
 from g1_description.motion.edit import (
-    arranged,
-    at_speed,
-    cut,
     highest_speed,
     joined,
-    renamed,
-    resampled,
 )
 from g1_description.motion.files.beyond_mimic import breadth_first
 from g1_description.motion.files.conventions import ASAP_JOINTS, G1_JOINTS
@@ -154,13 +149,13 @@ class Convert(Edit):
     def edited(self, motion: Motion, robot: Description) -> Motion:
         """Choose and order the joints."""
         if self.joints is not None:
-            motion = arranged(motion, JOINTS[self.joints])
+            motion = motion.arranged(JOINTS[self.joints])
         if self.joint_order is None:
             return motion
         if self.joint_order == ISAAC_LAB:
-            return arranged(motion, breadth_first(robot, motion.joint_names))
+            return motion.arranged(breadth_first(robot, motion.joint_names))
         own = [joint.name for joint in robot.movable_joints]
-        return arranged(motion, [n for n in own if n in motion.joint_names])
+        return motion.arranged([n for n in own if n in motion.joint_names])
 
 
 @dataclass(frozen=True)
@@ -181,8 +176,8 @@ class Cut(Edit):
 
     def edited(self, motion: Motion, robot: Description) -> Motion:
         """Cut it."""
-        part = cut(motion, self.begin, self.end)
-        return at_speed(part, 1.0, float(part.times[0]))
+        part = motion.cut(self.begin, self.end)
+        return part.at_speed(1.0, float(part.times[0]))
 
 
 @dataclass(frozen=True)
@@ -236,7 +231,7 @@ class Retime(Edit):
             speed = motion.duration / self.duration
         if not speed:
             raise InvalidValueError("A motion of a single sample has no duration.")
-        return at_speed(motion, speed)
+        return motion.at_speed(speed)
 
 
 @dataclass(frozen=True)
@@ -249,7 +244,7 @@ class Resample(Edit):
 
     def edited(self, motion: Motion, robot: Description) -> Motion:
         """Resample it."""
-        return resampled(motion, self.rate)
+        return motion.resampled(self.rate)
 
 
 @dataclass(frozen=True)
@@ -326,7 +321,7 @@ class Rename(Edit):
 
     def edited(self, motion: Motion, robot: Description) -> Motion:
         """Rename them, and leave out what the robot does not have."""
-        return fitted(renamed(motion, self.names), robot)
+        return fitted(motion.renamed(self.names), robot)
 
 
 COMMANDS: Mapping[str, type[Reading]] = {

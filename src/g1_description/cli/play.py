@@ -23,7 +23,7 @@ from g1_description.errors import (
     InvalidValueError,
     MotionError,
 )
-from g1_description.motion.edit import cut, moved, to_start_at
+from g1_description.motion.edit import moved, to_start_at
 from g1_description.motion.files.formats import read_motion
 from g1_description.motion.motion import Motion
 from g1_description.robot.transform import IDENTITY
@@ -224,7 +224,7 @@ def prepare(args: PlayOptions, robot: RobotView) -> Motion:
     )
     for note in motion.notes:
         notify(note)
-    trajectory = cut(motion, args.begin, args.end)
+    trajectory = motion.cut(args.begin, args.end)
     requested = [args.start_here and "--start-here", args.on_floor and "--on-floor"]
     if trajectory.base_poses is None and any(requested):
         names = " and ".join(filter(None, requested))

@@ -2,110 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from g1_description.errors import InvalidValueError, MotionError, UnknownNameError
+from g1_description.errors import InvalidValueError, MotionError
 from g1_description.motion.motion import SINGLE_TIME, SNAP, Motion, sample
 from g1_description.robot.description import Description
 from g1_description.robot.rotation import multiply, rotate, shorter_turn
 from g1_description.robot.transform import compose, inverse
-from g1_description.text import listed, similar_first
-
-MAX_SAMPLES = 1_000_000
-"""Most samples of a resampled motion."""
-
-
-def cut(
-    trajectory: Motion, begin: float | None = None, end: float | None = None
-) -> Motion:
-    """Cut a part out of a motion.
-
-    Args:
-        trajectory: The motion.
-        begin: Start of the part, in [s], where a sample is inserted; None: that of the
-            motion.
-        end: End of the part, in [s]; None: that of the motion.
-
-    Returns:
-        The part, with the motion's own times.
-
-    Raises:
-        InvalidValueError: If the part is not inside the motion.
-    """
-    first, last = float(trajectory.times[0]), trajectory.duration
-    begin, end = (first if begin is None else begin), (last if end is None else end)
-    if not first <= begin <= end <= last:
-        raise InvalidValueError(
-            f"The requested range {begin:g}-{end:g} s is outside the motion "
-            f"({first:g}-{last:g} s)."
-        )
-    inside = (trajectory.times > begin + SNAP) & (trajectory.times < end - SNAP)
-    ends = np.unique([begin, end])
-    times = np.concatenate([ends[:1], trajectory.times[inside], ends[1:]])
-    return _sampled(trajectory, times)
-
-
-def _sampled(trajectory: Motion, times: np.ndarray) -> Motion:
-    """Give a motion other samples; at its end the last velocities are kept."""
-    found = sample(trajectory, times)
-    velocities = None
-    if trajectory.velocities is not None:
-        velocities = found.velocities
-        if times[-1] > trajectory.duration - SNAP:
-            velocities[-1] = trajectory.velocities[-1]
-    return replace(
-        trajectory,
-        times=times,
-        positions=found.positions,
-        velocities=velocities,
-        base_poses=found.base_poses,
-    )
-
-
-def resampled(trajectory: Motion, rate: float) -> Motion:
-    """Give a motion evenly spaced samples.
-
-    Args:
-        trajectory: The motion.
-        rate: Samples per second, in [Hz].
-
-    Returns:
-        The motion from its first sample on; its last sample is left out where the rate
-        does not meet it.
-
-    Raises:
-        InvalidValueError: If the rate is not positive, or makes too many samples.
-    """
-    if not 0.0 < rate < np.inf:
-        raise InvalidValueError(f"The rate must be greater than 0 (got {rate:g}).")
-    first, last = float(trajectory.times[0]), trajectory.duration
-    n_samples = (last - first) * rate + 1e-6
-    if n_samples > MAX_SAMPLES:
-        raise InvalidValueError(
-            f"The motion would have {n_samples:.0f} samples at {rate:g} Hz; the limit "
-            f"is {MAX_SAMPLES}."
-        )
-    times = np.minimum(first + np.arange(int(n_samples) + 1) / rate, last)
-    return replace(_sampled(trajectory, times), has_times=True)
-
-
-def at_speed(trajectory: Motion, speed: float, start: float = 0.0) -> Motion:
-    """Scale the speed of a motion.
-
-    Args:
-        trajectory: The motion.
-        speed: Seconds of the motion in a second, positive.
-        start: Time of the motion that becomes zero, in [s].
-    """
-    velocities = trajectory.velocities
-    return replace(
-        trajectory,
-        times=(trajectory.times - start) / speed,
-        velocities=None if velocities is None else speed * velocities,
-    )
+from g1_description.text import listed
 
 
 def later(trajectory: Motion, lead_in: float) -> Motion:
@@ -205,7 +112,7 @@ def joined(
                 f"The blend must be from 0 to the shortest motion's {shorter:g} s (got "
                 f"{blend:g})."
             )
-        whole = _joined(whole, arranged(other, whole.joint_names), blend, follows)
+        whole = _joined(whole, other.arranged(whole.joint_names), blend, follows)
     return whole
 
 
@@ -281,66 +188,6 @@ def between(T_a_b: np.ndarray, T_a_c: np.ndarray, weight: np.ndarray) -> np.ndar
     turn = np.concatenate([np.sin(weight * half) * axis, np.cos(weight * half)], -1)
     places = T_a_b[..., :3] + weight * (T_a_c[..., :3] - T_a_b[..., :3])
     return np.concatenate([places, multiply(T_a_b[..., 3:], turn)], axis=-1)
-
-
-def arranged(trajectory: Motion, joint_names: Sequence[str]) -> Motion:
-    """Give a motion exactly these joints, in this order.
-
-    Args:
-        trajectory: The motion.
-        joint_names: Joints that it does not have are at 0; its other joints are left
-            out.
-
-    Returns:
-        The motion, with notes on what was added and left out.
-    """
-    column = {name: number for number, name in enumerate(trajectory.joint_names)}
-    notes = [*trajectory.notes]
-    lost = [name for name in trajectory.joint_names if name not in joint_names]
-    if lost:
-        tops = np.abs(trajectory.positions).max(axis=0)
-        each = listed(f"{name} (up to {tops[column[name]]:.3g})" for name in lost)
-        notes.append(f"Joints left out: {each}.")
-    added = [name for name in joint_names if name not in column]
-    if added:
-        notes.append(f"Joints added at 0: {listed(added)}.")
-
-    def of_joints(values: np.ndarray | None) -> np.ndarray | None:
-        if values is None:
-            return None
-        wider = np.pad(values, ((0, 0), (0, 1)))  # the last column is 0
-        return wider[:, [column.get(name, -1) for name in joint_names]]
-
-    positions = of_joints(trajectory.positions)
-    assert positions is not None
-    return replace(
-        trajectory,
-        joint_names=tuple(joint_names),
-        positions=positions,
-        velocities=of_joints(trajectory.velocities),
-        notes=tuple(notes),
-    )
-
-
-def renamed(trajectory: Motion, names: Mapping[str, str]) -> Motion:
-    """Rename joints of a motion.
-
-    Args:
-        trajectory: The motion.
-        names: New names by old names.
-
-    Raises:
-        UnknownNameError: If the motion has no joint of an old name.
-        MotionError: If two joints would have the same name.
-    """
-    own = trajectory.joint_names
-    for name in names:
-        if name not in own:
-            raise UnknownNameError(
-                f"The motion has no joint '{name}'. Its joints: "
-                f"{listed(similar_first(name, own)) or 'none'}."
-            )
-    return replace(trajectory, joint_names=tuple(names.get(n, n) for n in own))
 
 
 def joint_speeds(trajectory: Motion) -> np.ndarray:

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from g1_description.bounds import MAX_VALUE, NORM_TOLERANCE
-from g1_description.errors import MotionError
+from g1_description.errors import InvalidValueError, MotionError, UnknownNameError
 from g1_description.robot.description import Description
 from g1_description.robot.rotation import multiply, normalized, rotate, shorter_turn
-from g1_description.text import listed
+from g1_description.text import listed, similar_first
 
 SINGLE_TIME = 0.1
 """Duration of the velocities of a single sample, in [s]: a stream of single samples has
@@ -19,6 +19,14 @@ velocities, and when it stops the robot is at rest."""
 
 UNIT_TOLERANCE = 1e-12
 """Smaller errors of the length of a quaternion are kept."""
+
+
+SNAP = 0.5e-9
+"""Times closer than this to a sample's are equal to it, in [s]: stamps have a
+resolution of 1 ns."""
+
+MAX_SAMPLES = 1_000_000
+"""Most samples of a resampled motion."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,6 +123,142 @@ class Motion:
         is_single = len(self.times) == 1 and self.velocities is not None
         return self.duration + (SINGLE_TIME if is_single else 0.0)
 
+    def cut(self, begin: float | None = None, end: float | None = None) -> Motion:
+        """Cut a part out.
+
+        Args:
+            begin: Start of the part in [s], where a sample is inserted; None: that of
+                the motion.
+            end: End of the part, in [s]; None: that of the motion.
+
+        Returns:
+            The part, with the motion's own times.
+
+        Raises:
+            InvalidValueError: If the part is not inside the motion.
+        """
+        first, last = float(self.times[0]), self.duration
+        begin, end = (first if begin is None else begin), (last if end is None else end)
+        if not first <= begin <= end <= last:
+            raise InvalidValueError(
+                f"The requested range {begin:g}-{end:g} s is outside the motion "
+                f"({first:g}-{last:g} s)."
+            )
+        inside = (self.times > begin + SNAP) & (self.times < end - SNAP)
+        ends = np.unique([begin, end])
+        times = np.concatenate([ends[:1], self.times[inside], ends[1:]])
+        return self._sampled(times)
+
+    def _sampled(self, times: np.ndarray) -> Motion:
+        """Take other samples; at the end the last velocities are kept."""
+        found = sample(self, times)
+        velocities = None
+        if self.velocities is not None:
+            velocities = found.velocities
+            if times[-1] > self.duration - SNAP:
+                velocities[-1] = self.velocities[-1]
+        return replace(
+            self,
+            times=times,
+            positions=found.positions,
+            velocities=velocities,
+            base_poses=found.base_poses,
+        )
+
+    def resampled(self, rate: float) -> Motion:
+        """Take evenly spaced samples.
+
+        Args:
+            rate: Samples per second, in [Hz].
+
+        Returns:
+            The motion from its first sample on; its last one is left out where the
+            rate does not meet it.
+
+        Raises:
+            InvalidValueError: If the rate is not positive, or makes too many samples.
+        """
+        if not 0.0 < rate < np.inf:
+            raise InvalidValueError(f"The rate must be greater than 0 (got {rate:g}).")
+        first, last = float(self.times[0]), self.duration
+        n_samples = (last - first) * rate + 1e-6
+        if n_samples > MAX_SAMPLES:
+            raise InvalidValueError(
+                f"The motion would have {n_samples:.0f} samples at {rate:g} Hz; the "
+                f"limit is {MAX_SAMPLES}."
+            )
+        times = np.minimum(first + np.arange(int(n_samples) + 1) / rate, last)
+        return replace(self._sampled(times), has_times=True)
+
+    def at_speed(self, speed: float, start: float = 0.0) -> Motion:
+        """Scale the speed.
+
+        Args:
+            speed: Seconds of the motion in a second, positive.
+            start: Time of the motion that becomes zero, in [s].
+        """
+        velocities = self.velocities
+        return replace(
+            self,
+            times=(self.times - start) / speed,
+            velocities=None if velocities is None else speed * velocities,
+        )
+
+    def arranged(self, joint_names: Sequence[str]) -> Motion:
+        """Keep exactly these joints, in this order.
+
+        Args:
+            joint_names: Joints that it does not have are at 0; its others are left out.
+
+        Returns:
+            The motion, with notes on what was added and left out.
+        """
+        column = {name: number for number, name in enumerate(self.joint_names)}
+        notes = [*self.notes]
+        lost = [name for name in self.joint_names if name not in joint_names]
+        if lost:
+            tops = np.abs(self.positions).max(axis=0)
+            each = listed(f"{name} (up to {tops[column[name]]:.3g})" for name in lost)
+            notes.append(f"Joints left out: {each}.")
+        added = [name for name in joint_names if name not in column]
+        if added:
+            notes.append(f"Joints added at 0: {listed(added)}.")
+
+        def of_joints(values: np.ndarray | None) -> np.ndarray | None:
+            if values is None:
+                return None
+            wider = np.pad(values, ((0, 0), (0, 1)))  # the last column is 0
+            return wider[:, [column.get(name, -1) for name in joint_names]]
+
+        positions = of_joints(self.positions)
+        assert positions is not None
+        return replace(
+            self,
+            joint_names=tuple(joint_names),
+            positions=positions,
+            velocities=of_joints(self.velocities),
+            notes=tuple(notes),
+        )
+
+    def renamed(self, names: Mapping[str, str]) -> Motion:
+        """Rename joints.
+
+        Args:
+            names: New names by old names.
+
+        Raises:
+            UnknownNameError: If the motion has no joint of an old name.
+            MotionError: If two joints would have the same name.
+        """
+        own = self.joint_names
+        for name in names:
+            if name not in own:
+                raise UnknownNameError(
+                    f"The motion has no joint '{name}'. Its joints: "
+                    f"{listed(similar_first(name, own)) or 'none'}."
+                )
+        return replace(self, joint_names=tuple(names.get(n, n) for n in own))
+
 
 def _normalized(poses: np.ndarray) -> np.ndarray:
     """Scale quaternions of poses, shape (n, 7), to unit length: files round them."""
@@ -131,11 +275,6 @@ def _normalized(poses: np.ndarray) -> np.ndarray:
         poses = poses.copy()
         poses[rounded, 3:] = normalized(poses[rounded, 3:])
     return poses
-
-
-SNAP = 0.5e-9
-"""Times closer than this to a sample's are equal to it, in [s]: stamps have a
-resolution of 1 ns."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ import numpy as np
 import rospy
 from trajectory_msgs.msg import MultiDOFJointTrajectoryPoint
 
-from g1_description.motion.edit import at_speed, cut, later
+from g1_description.motion.edit import later
 from g1_description.motion.motion import SNAP, Motion
 from g1_description.msg import RobotTrajectory
 from g1_description.ros.conversions import to_transform
@@ -225,9 +225,9 @@ class Session:
             self._from = self.begin
             self._begin_ns = None
         self._seen_ns, self._ended, self._rate = 0, None, self.speed
-        part = cut(self.trajectory, self._from)
+        part = self.trajectory.cut(self._from)
         self.is_running = False
-        self._begin_ns = self._play(at_speed(part, self._rate, self._from))
+        self._begin_ns = self._play(part.at_speed(self._rate, self._from))
         self.is_running = True
 
     def rest(self) -> None:
@@ -253,7 +253,7 @@ class Session:
         """Pause, and show the configuration at a time of the motion, in [s]."""
         self.pause()
         self._time = time
-        part = at_speed(cut(self.trajectory, time, time), 1.0, time)
+        part = self.trajectory.cut(time, time).at_speed(1.0, time)
         begin_ns = self._play(part)
         if not self._has_begun:
             self._begin_ns = begin_ns
