@@ -188,5 +188,5 @@ def test_a_motion_that_no_file_can_hold_is_told():
     ):
         with pytest.raises(MotionError, match=words):
             most_samples(ending, names, base)
-    assert 34_000 < most_samples(".npz", NAMES, True) < 35_000
-    assert 60_000 < most_samples(".csv", NAMES, True) < 61_000
+    assert 69_000 < most_samples(".npz", NAMES, True) < 70_000
+    assert 121_000 < most_samples(".csv", NAMES, True) < 122_000

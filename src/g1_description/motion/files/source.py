@@ -11,7 +11,7 @@ import stat
 import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 from pathlib import Path
 from typing import Any, Callable, Mapping
 
@@ -23,8 +23,8 @@ from g1_description.motion.files.torch_files import is_torch, read_torch
 from g1_description.motion.motion import Motion
 from g1_description.text import MAX_NAME, listed
 
-MAX_FILE_SIZE = 100_000_000
-"""Largest file in bytes: more than an hour at 60 Hz as text."""
+MAX_FILE_SIZE = 200_000_000
+"""Largest file in bytes: two hours at 60 Hz as text, or a library of three."""
 
 MAX_SIZE = 12_000_000
 """Largest array: half an hour of 30 bodies at 60 Hz."""
@@ -290,6 +290,8 @@ class MotionSource:
 
         That of an npy is called ``NPY``. Empty for other files.
         """
+        if self.name is not None:
+            return _whole(self.path, self.path.stat().st_mtime_ns).arrays
         content = self.content
         if content.startswith(PICKLE):
             return Arrays(read_pickle(content))
@@ -348,6 +350,12 @@ class MotionSource:
             notes = (f"The file has no times; assuming {rate:g} Hz, {why}.", *notes)
         times = np.arange(len(motion.times)) / rate
         return replace(motion, times=times, notes=notes, has_times=False)
+
+
+@lru_cache(maxsize=1)
+def _whole(path: Path, _: int) -> MotionSource:
+    """Read a file of several motions once for all of them, unless it has changed."""
+    return MotionSource(path)
 
 
 def parsed(text: str | None, what: str) -> Arrays:
