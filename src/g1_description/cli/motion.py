@@ -33,6 +33,7 @@ from g1_description.checks.report import FileResult
 from g1_description.cli.motion_edits import COMMANDS, Edit, Info, Join, Reading
 from g1_description.cli.motion_paths import motion_files
 from g1_description.cli.progress import Printer
+from g1_description.cli.recorded_file import WRITERS
 from g1_description.cli.start import INTERRUPTED
 from g1_description.command_line import OneSentenceParser, parse, say
 from g1_description.errors import G1DescriptionError, InvalidValueError
@@ -40,7 +41,6 @@ from g1_description.files.atomic import write_whole
 from g1_description.interrupts import uninterrupted
 from g1_description.motion.edit import base_speed, joint_speeds
 from g1_description.motion.files.formats import (
-    WRITERS,
     contents,
     format_name,
     read_source,
@@ -124,7 +124,7 @@ def written(
     name: str, motion: Motion, robot: Description, place: Path, to: str | None
 ) -> Done:
     """Make the files of a motion, and what is printed about it."""
-    files, notes = contents(place, motion, robot, None, to)
+    files, notes = contents(place, motion, robot, None, to, WRITERS)
     size = f"{len(motion.times)} samples, {motion.duration:.2f} s"
     lines = [f"{name} -> {place}: {size}"]
     lines += [f"  note: {note}" for note in dict.fromkeys((*motion.notes, *notes))]
@@ -210,7 +210,7 @@ def places_of(args: Edit, tasks: Sequence[Task]) -> dict[str, Path]:
             )
         return {tasks[0].name: out}
     if args.to is None and not out.is_dir() and out.suffix:
-        writer_of(out)  # says which endings there are
+        writer_of(out, None, WRITERS)  # says which endings there are
     if args.to is None:
         raise InvalidValueError(
             f"--out {out} is a folder, so --to must name the format: "

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from g1_description.cli import options
+from g1_description.cli.recorded_file import WRITERS
 from g1_description.command_line import MAX_FPS, argument, option, positive, within
 from g1_description.errors import InvalidValueError, UnknownNameError
 from g1_description.motion.edit import (
@@ -17,7 +18,6 @@ from g1_description.motion.edit import (
 )
 from g1_description.motion.files.beyond_mimic import breadth_first
 from g1_description.motion.files.conventions import ASAP_JOINTS, G1_JOINTS
-from g1_description.motion.files.formats import WRITERS
 from g1_description.motion.mirror import mirrored
 from g1_description.motion.motion import Motion, fitted
 from g1_description.robot.description import Description

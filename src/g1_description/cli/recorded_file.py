@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, NamedTuple
 
 import genpy
@@ -44,6 +45,23 @@ class Room(NamedTuple):
     samples: int
     is_even: bool
     """Whether samples are counted at evenly spaced times."""
+
+
+def _bag(
+    motion: Motion, robot: Description, _: float | None
+) -> tuple[bytes, Sequence[str]]:
+    """Write a bag as a format is written."""
+    with TemporaryDirectory(prefix="g1_bag_") as folder:
+        path = Path(folder, "motion.bag")
+        _write_bag(path, motion, robot, MIN_STAMP)
+        return path.read_bytes(), ()
+
+
+WRITERS: Mapping[str, formats.Writer] = {
+    **formats.WRITERS,
+    "bag": formats.Writer(BAG, _bag),
+}
+"""Formats that can be written, by name, with rosbags."""
 
 
 def room_of(path: Path, joints: Sequence[str], has_base: bool) -> Room:

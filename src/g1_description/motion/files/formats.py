@@ -302,9 +302,10 @@ def contents(
     robot: Description,
     rate: float | None = None,
     name: str | None = None,
+    writers: Mapping[str, Writer] = WRITERS,
 ) -> tuple[dict[Path, bytes], tuple[str, ...]]:
     """Make what ``write_motion`` writes: bytes by file, and its messages."""
-    content, notes = writer_of(path, name).write(motion, robot, rate)
+    content, notes = writer_of(path, name, writers).write(motion, robot, rate)
     if isinstance(content, bytes):
         files = {path: content}
     else:
@@ -318,26 +319,29 @@ def contents(
     return files, tuple(notes)
 
 
-def writer_of(path: Path, name: str | None = None) -> Writer:
+def writer_of(
+    path: Path, name: str | None = None, writers: Mapping[str, Writer] = WRITERS
+) -> Writer:
     """Find how a file is written.
 
     Args:
         path: The file or folder.
         name: Of the format; None: by the extension.
+        writers: The formats by name.
 
     Raises:
         MotionError: If there is no such format.
     """
     ending = path.suffix.lower()
     if name is not None:
-        if name not in WRITERS:
-            known = listed(WRITERS)
+        if name not in writers:
+            known = listed(writers)
             raise MotionError(f"The format {name!r} is not written; formats: {known}.")
-        return WRITERS[name]
-    for writer in WRITERS.values():
+        return writers[name]
+    for writer in writers.values():
         if writer.ending == ending:
             return writer
-    endings = dict.fromkeys(w.ending for w in WRITERS.values() if w.ending)
+    endings = dict.fromkeys(w.ending for w in writers.values() if w.ending)
     raise MotionError(
         f"Unknown format of {path.name}: it must end in {' or '.join(endings)}."
     )
