@@ -18,7 +18,7 @@ _g1_description_poses() {
 # the doctor; tools/tables writes them.
 declare -gA _g1_description_options
 # table of commands
-_g1_description_options[check]="--collisions --csv --dask --fixed-base --fps --help --html --jobs --json --model --no-visual-hulls --only --physics --plot --quiet --thresholds --topic"
+_g1_description_options[check]="--collisions --csv --dask --fixed-base --fps --help --html --jobs --json --model --no-visual-hulls --only --physics --plot --quiet --selection --thresholds --topic --write-selection"
 _g1_description_options[collision_pairs]="--help --out --samples --seed"
 _g1_description_options[doctor]="--help --json --namespace --until"
 _g1_description_options[import_model]="--convex-collisions --decimate --force --help --keep-missing --out --tolerance"
@@ -28,7 +28,7 @@ _g1_description_options[record]="--force --gazebo --help --model --namespace --r
 _g1_description_options[snapshot]="--fps --gif --help --joints --model --motion --motion-fps --motion-topic --namespace --seconds --size --times --view"
 _g1_description_options[web]="--compare --fps --help --host --model --motion --port --read-only --thresholds --topic"
 _g1_description_flags=" --convex-collisions --fixed-base --force --gif --json --keep-missing --list --loop --no-visual-hulls --on-floor --physics --quiet --read-only --start-here "
-_g1_description_files=" --collisions --compare --csv --file --html --json --model --motion --out --plot --thresholds "
+_g1_description_files=" --collisions --compare --csv --file --html --json --model --motion --out --plot --selection --thresholds --write-selection "
 _g1_description_links="python packages master address nodes description meshes simulator clock time link_states bridge model urdf joint_states state_publisher tf diagnostics picture"
 # end of commands
 

@@ -18,6 +18,8 @@ from g1_description.cli import check, start
 from g1_description.cli.check import MISUSE, CheckOptions
 from g1_description.cli.motion_paths import motion_files, picture_names
 from g1_description.command_line import parse
+from g1_description.errors import InvalidValueError
+from g1_description.motion.selection import Choice, Selection
 
 PASSES, FAILS = 0.3, 1.5
 
@@ -321,3 +323,34 @@ def is_running(group):
     except ProcessLookupError:
         return False
     return True
+
+
+def test_a_selection_leaves_motions_out(folder, capsys):
+    (folder / "motions").mkdir()
+    write_motions(folder / "motions", PASSES, FAILS, PASSES)
+    chosen = folder / "motions" / "selection.yaml"
+    chosen.write_text("motion1.csv: exclude\n")
+    assert run("motions", "--selection", chosen) == 0
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert last == "2 files: 2 passed; 1 excluded by the selection."
+    chosen.write_text('"*": exclude\n')
+    with pytest.raises(
+        InvalidValueError, match=r"selection\.yaml excludes all motions"
+    ):
+        run("motions", "--selection", chosen)
+
+
+def test_what_a_rule_excludes_is_written_into_a_selection(folder, capsys):
+    (folder / "motions").mkdir()
+    write_motions(folder / "motions", PASSES, FAILS, FAILS)
+    chosen = folder / "motions" / "selection.yaml"
+    chosen.write_text("motion2.csv: {choice: keep, note: mine}\n")
+    (folder / "own.yaml").write_text("failed > 0: exclude\n")
+    given = ["--thresholds", "own.yaml", "--write-selection", chosen]
+    assert run("motions", *given) == 1
+    assert capsys.readouterr().out.count("  excluded by failed > 0") == 2
+    found = Selection(chosen).choices
+    assert found == {
+        "motion1.csv": Choice("exclude", "failed > 0"),
+        "motion2.csv": Choice("keep", "mine"),
+    }

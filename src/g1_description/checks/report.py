@@ -12,7 +12,15 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from g1_description.checks.rules import RULES
-from g1_description.checks.verdict import FAILED, PASSED, WARNING, Finding, Verdict
+from g1_description.checks.verdict import (
+    COUNTS,
+    FAILED,
+    FIGURES,
+    PASSED,
+    WARNING,
+    Finding,
+    Verdict,
+)
 
 NOT_READ, NOT_CHECKED = "not read", "not checked"
 NO_MOTION = "not a motion"
@@ -69,6 +77,7 @@ def outcome_text(outcome: FileResult) -> str:
     lines = [f"{head}{_measures(verdict)}"]
     if verdict.findings:
         lines += table([HEAD, *(finding_row(f) for f in verdict.findings)], 3)
+    lines += [f"  excluded by {rule}" for rule in verdict.excluded_by]
     lines += [f"  note: {note}" for note in verdict.notes]
     if verdict.skipped:
         lines.append(f"  skipped: {skipped_text(verdict)}")
@@ -140,23 +149,8 @@ def table(rows: Sequence[Sequence[str]], n_left: int) -> list[str]:
     return [aligned(row) for row in rows]
 
 
-FIGURES = (
-    "duration",
-    "samples",
-    "samples_beyond_limits",
-    "largest_joint_speed",
-    "deepest_self_collision",
-    "lowest_height",
-    "least_center_margin",
-    "least_zmp_margin",
-    "fall_time",
-    "rms_tracking_error",
-    "largest_tracking_error",
-)
-"""Figures of a motion that have a column."""
-
 COLUMNS = (
-    *("file", "result", "failed", "warnings", "first_time", "problem"),
+    *("file", "result", *COUNTS, "first_time", "problem", "excluded_by"),
     *FIGURES,
     *(column for rule in RULES for column in (rule.name, f"{rule.name}_worst")),
 )
@@ -212,8 +206,8 @@ def _row(outcome: FileResult) -> dict[str, Any]:
     verdict = outcome.verdict
     if verdict is None:
         return {**row, "problem": outcome.problem}
-    severities = [finding.severity for finding in verdict.findings]
-    row["failed"], row["warnings"] = map(severities.count, (FAILED, WARNING))
+    row.update(verdict.counts)
+    row["excluded_by"] = "; ".join(verdict.excluded_by)
     if verdict.first_time is not None:
         row["first_time"] = verdict.first_time
     row.update({k: verdict.figures[k] for k in FIGURES if k in verdict.figures})

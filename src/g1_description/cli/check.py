@@ -42,6 +42,7 @@ from g1_description.collisions.find_pairs import collisions_of
 from g1_description.command_line import argument, option, parse, say, within
 from g1_description.errors import ClusterError, G1DescriptionError, InvalidValueError
 from g1_description.files.atomic import whole_file, write_whole
+from g1_description.motion.selection import EXCLUDE, UNDECIDED, Choice, Selection
 from g1_description.ros.lifecycle import own_arguments
 from g1_description.text import listed, similar_first
 
@@ -50,7 +51,7 @@ MISUSE = 2
 
 STDOUT = "-"
 
-ENDINGS = {"json": ".json", "csv": ".csv", "html": ".html"}
+ENDINGS = {"json": ".json", "csv": ".csv", "html": ".html", "write_selection": ".yaml"}
 """File extensions of reports."""
 
 
@@ -119,6 +120,15 @@ class CheckOptions:
         metavar="YAML",
         see="[allowed pairs](checks.md#allowed-pairs)",
     )
+    selection: Path | None = options.selection()
+    write_selection: Path | None = option(
+        "exclude the motions that a rule of the thresholds excludes in this selection, "
+        "which need not exist",
+        None,
+        Path,
+        metavar="YAML",
+        see="[a folder of motions](checks.md#a-folder-of-motions)",
+    )
     physics: bool = option(
         "also simulate the motions with motors, about as fast as real time",
         False,
@@ -171,7 +181,8 @@ class CheckOptions:
         for name, ending in ENDINGS.items():
             file = getattr(self, name)
             if file not in (None, STDOUT) and Path(file).suffix.lower() != ending:
-                raise InvalidValueError(f"--{name} must end in {ending} (got {file})")
+                flag = f"--{name.replace('_', '-')}"
+                raise InvalidValueError(f"{flag} must end in {ending} (got {file})")
         if self.json == self.csv == STDOUT:
             raise InvalidValueError("--json and --csv cannot both write to stdout")
 
@@ -196,9 +207,12 @@ class Reports:
         self.problems: list[str] = []
         """Messages on reports that could not be written."""
         self._pictures = _pictures(args.plot, tasks)
-        for name in (args.json, args.csv, args.html):
+        for name in (args.json, args.csv, args.html, args.write_selection):
             if name not in (None, STDOUT):
                 check_place(Path(name))
+        if args.write_selection:
+            Selection(args.write_selection, must_exist=False)
+        self._tasks = tasks
         motions = {os.path.realpath(task.path) for task in tasks}
         if args.csv and os.path.realpath(args.csv) in motions:
             raise InvalidValueError(
@@ -234,6 +248,22 @@ class Reports:
             with self._going_on(), whole_file(self._args.html) as part:
                 pictures = [self._picture(number) for number in sorted(outcomes)]
                 write_page(part, found, pictures, not_done)
+
+        if self._args.write_selection:
+            with self._going_on():
+                self._select(self._args.write_selection, outcomes)
+
+    def _select(self, path: Path, outcomes: Mapping[int, FileResult]) -> None:
+        """Exclude what rules exclude, unless a person has decided."""
+        selection = Selection(path, must_exist=False)
+        for task in self._tasks:
+            verdict = outcomes[task.number].verdict if task.number in outcomes else None
+            chosen = selection.of(task.path)
+            if verdict and verdict.excluded_by and chosen.choice == UNDECIDED:
+                notes = (chosen.note, *verdict.excluded_by)
+                note = "; ".join(filter(None, notes))
+                selection.choose(task.path, Choice(EXCLUDE, note))
+        selection.write()
 
     @contextmanager
     def _going_on(self) -> Iterator[None]:
@@ -360,7 +390,8 @@ def check(args: CheckOptions) -> int:
         G1DescriptionError: If nothing can be checked.
         KeyboardInterrupt: If it is interrupted before the first outcome.
     """
-    files = motion_files(args.files)
+    selection = Selection(args.selection) if args.selection else None
+    files = motion_files(args.files, selection)
     reports = Reports(args, files.tasks)
     checker = file_checker(args)
     is_free = STDOUT not in (args.json, args.csv)
@@ -421,6 +452,8 @@ def _summarize(results: Results, files: MotionFiles, stream) -> None:
     text = summary_text(outcomes, results.n_missing)
     others = files.n_left_out
     more = f"; ignored {others} with other extensions" if others else ""
+    if files.n_excluded:
+        more += f"; {files.n_excluded} excluded by the selection"
     say(f"{text}{more}.", stream)
 
 

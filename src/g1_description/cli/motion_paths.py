@@ -9,7 +9,9 @@ from pathlib import Path
 
 from g1_description.checks.batch import Task
 from g1_description.errors import InvalidValueError
+from g1_description.motion import selection as selections
 from g1_description.motion.files.formats import ENDINGS
+from g1_description.motion.selection import Selection
 
 
 @dataclass(frozen=True)
@@ -24,18 +26,25 @@ class MotionFiles:
     n_left_out: int
     """Number of files in folders with other extensions."""
 
+    n_excluded: int = 0
+    """Number of files that a selection does not keep."""
 
-def motion_files(paths: Sequence[Path]) -> MotionFiles:
+
+def motion_files(
+    paths: Sequence[Path], selection: Selection | None = None
+) -> MotionFiles:
     """Find the files.
 
     Args:
         paths: Files and folders.
+        selection: Those to take; None: all.
 
     Returns:
         Each file once, in the order of the paths; those of a folder by their names.
 
     Raises:
-        InvalidValueError: If a file does not exist, or a folder has no motions.
+        InvalidValueError: If a file does not exist, a folder has no motions, or the
+            selection keeps none.
     """
     found: dict[str, tuple[str, Path]] = {}
     named, n_left_out = set(), 0
@@ -51,7 +60,7 @@ def motion_files(paths: Sequence[Path]) -> MotionFiles:
                 raise InvalidValueError(f"{path} {what}.")
             named.add(add(path))
             continue
-        below = list(_files_below(path))
+        below = [f for f in _files_below(path) if f.name != selections.FILE]
         motions = [file for file in below if file.suffix.lower() in ENDINGS]
         if not motions:
             raise InvalidValueError(
@@ -61,8 +70,14 @@ def motion_files(paths: Sequence[Path]) -> MotionFiles:
         n_left_out += len(below) - len(motions)
         for file in motions:
             add(file)
-    tasks = [Task(number, *item) for number, item in enumerate(found.values())]
-    return MotionFiles(tuple(tasks), frozenset(named), n_left_out)
+    kept = [*found.values()]
+    if selection is not None:
+        kept = [item for item in kept if selection.keeps(item[1])]
+        if not kept:
+            raise InvalidValueError(f"{selection.path} excludes all motions.")
+    tasks = [Task(number, *item) for number, item in enumerate(kept)]
+    n_excluded = len(found) - len(kept)
+    return MotionFiles(tuple(tasks), frozenset(named), n_left_out, n_excluded)
 
 
 def _files_below(folder: Path) -> Iterator[Path]:
