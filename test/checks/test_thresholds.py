@@ -121,7 +121,11 @@ def test_bounds_are_by_joint(tmp_path):
     file.write_text("jerk_bounds: {default: 9, joints: {a: 4.0}}\n")
     bounds = read_thresholds(file).jerk_bounds.of(("a", "b"))
     np.testing.assert_array_equal(bounds, [4.0, 9.0])
-    np.testing.assert_array_equal(Thresholds().jerk_bounds.of(("a",)), [np.inf])
+    np.testing.assert_array_equal(Thresholds().jerk_bounds.of(("a",)), [100_000.0])
+    own = with_thresholds(Thresholds(), {"jerk_bounds": {"joints": {"a": 4}}})
+    np.testing.assert_array_equal(own.jerk_bounds.of(("a", "b")), [4.0, 100_000.0])
+    none = with_thresholds(Thresholds(), {"jerk_bounds": {"default": None}})
+    np.testing.assert_array_equal(none.jerk_bounds.of(("a",)), [np.inf])
 
 
 @pytest.mark.parametrize(

@@ -86,10 +86,11 @@ class Thresholds:
     exclusions: tuple[Exclusion, ...] = ()
     """Rules that exclude motions by their figures."""
 
-    acceleration_bounds: JointBounds = field(default_factory=JointBounds)
-    """In [rad/s^2] or [m/s^2]."""
+    acceleration_bounds: JointBounds = JointBounds(1000.0)
+    """In [rad/s^2] or [m/s^2]. By default, this and the next are above 99.9 % of the
+    samples of published motions of the G1; see docs/checks.md."""
 
-    jerk_bounds: JointBounds = field(default_factory=JointBounds)
+    jerk_bounds: JointBounds = JointBounds(100_000.0)
     """In [rad/s^3] or [m/s^3]."""
 
     floor_height: float = 0.0

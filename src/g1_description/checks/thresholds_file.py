@@ -96,7 +96,7 @@ def with_thresholds(thresholds: Thresholds, content: Mapping[str, Any]) -> Thres
                 f"{listed(similar_first(str(name), known))}."
             )
         elif name in BOUNDS:
-            changed[name] = _bounds(name, value)
+            changed[name] = _bounds(name, value, getattr(thresholds, name))
         else:
             changed[name] = _parameter(name, value)
     exclusions = list(dict.fromkeys(exclusions))
@@ -131,8 +131,8 @@ def _level(rule: Rule, value: Any, thresholds: Thresholds) -> Level:
     return replace(rule.level_in(thresholds), **numbers)
 
 
-def _bounds(name: str, value: Any) -> JointBounds:
-    """Read bounds of joints."""
+def _bounds(name: str, value: Any, usual: JointBounds) -> JointBounds:
+    """Read bounds of joints; a missing default is kept."""
     parts = _parts(name, value, ("default", "joints"))
     joints = parts.get("joints") or {}
     if not isinstance(joints, Mapping):
@@ -140,7 +140,7 @@ def _bounds(name: str, value: Any) -> JointBounds:
             f"{name}.joints must map joints to numbers (got {joints!r})."
         )
     found = {str(j): _number(f"{name}.joints.{j}", v) for j, v in joints.items()}
-    default = _optional(f"{name}.default", parts.get("default"))
+    default = _optional(f"{name}.default", parts.get("default", usual.default))
     if any(bound <= 0.0 for bound in (*found.values(), default) if bound is not None):
         raise ThresholdError(f"The bounds in {name} must be positive.")
     return JointBounds(default, found)
