@@ -121,7 +121,8 @@ def test_csv_has_a_row_for_each_file(outcomes):
             assert (row[name] == "passed") == (name in verdict.checked and not worst)
 
 
-HEADS = "file,result,failed,warnings,first_time,problem,excluded_by,duration,samples,"
+HEADS = "file,result,failed,warnings,first_time,problem,excluded_by,picture,"
+HEADS += "duration,samples,"
 HEADS += "samples_beyond_limits,root_path,root_speed.max,joint_speed.max,"
 HEADS += "contact_share,energy,deepest_self_collision,"
 HEADS += "lowest_height,least_center_margin,least_zmp_margin,fall_time,"

@@ -47,6 +47,9 @@ class FileResult:
     plot: bytes = b""
     """A picture as PNG; empty if none was requested."""
 
+    picture: str = ""
+    """File of the picture, from the folder of the report; empty if there is none."""
+
     @property
     def result(self) -> str:
         """One of ``RESULTS``."""
@@ -150,7 +153,7 @@ def table(rows: Sequence[Sequence[str]], n_left: int) -> list[str]:
 
 
 COLUMNS = (
-    *("file", "result", *COUNTS, "first_time", "problem", "excluded_by"),
+    *("file", "result", *COUNTS, "first_time", "problem", "excluded_by", "picture"),
     *FIGURES,
     *(column for rule in RULES for column in (rule.name, f"{rule.name}_worst")),
 )
@@ -171,6 +174,8 @@ def json_text(outcomes: Sequence[FileResult], not_done: int) -> str:
 def _as_dict(outcome: FileResult) -> dict[str, Any]:
     """Return an outcome for JSON."""
     found: dict[str, Any] = {"file": outcome.file, "result": outcome.result}
+    if outcome.picture:
+        found["picture"] = outcome.picture
     if outcome.verdict is None:
         return {**found, "problem": outcome.problem}
     return {**found, **outcome.verdict.as_dict()}
@@ -203,6 +208,7 @@ def csv_text(outcomes: Sequence[FileResult]) -> str:
 def _row(outcome: FileResult) -> dict[str, Any]:
     """Return the row of a file."""
     row: dict[str, Any] = {"file": outcome.file, "result": outcome.result}
+    row["picture"] = outcome.picture
     verdict = outcome.verdict
     if verdict is None:
         return {**row, "problem": outcome.problem}

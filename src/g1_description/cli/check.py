@@ -9,9 +9,9 @@ import argparse
 import os
 import re
 import sys
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TextIO
@@ -240,10 +240,12 @@ class Reports:
         found = [outcomes[number] for number in sorted(outcomes)]
         if self._args.json:
             with self._going_on():
-                _write(self._args.json, json_text(found, not_done))
+                listed = self._with_pictures(found, outcomes, self._args.json)
+                _write(self._args.json, json_text(listed, not_done))
         if self._args.csv:
             with self._going_on():
-                _write(self._args.csv, csv_text(found))
+                listed = self._with_pictures(found, outcomes, self._args.csv)
+                _write(self._args.csv, csv_text(listed))
         if self._args.html:
             with self._going_on(), whole_file(self._args.html) as part:
                 pictures = [self._picture(number) for number in sorted(outcomes)]
@@ -252,6 +254,21 @@ class Reports:
         if self._args.write_selection:
             with self._going_on():
                 self._select(self._args.write_selection, outcomes)
+
+    def _with_pictures(
+        self, found: Sequence[FileResult], numbers: Iterable[int], report: str
+    ) -> list[FileResult]:
+        """Tell a report where the pictures of its files are."""
+        folder = "." if report == STDOUT else os.path.dirname(report) or "."
+        files = {
+            number: os.path.relpath(path, folder)
+            for number, path in self._pictures.items()
+            if path.exists()
+        }
+        return [
+            replace(outcome, picture=files.get(number, ""))
+            for number, outcome in zip(sorted(numbers), found)
+        ]
 
     def _select(self, path: Path, outcomes: Mapping[int, FileResult]) -> None:
         """Exclude what rules exclude, unless a person has decided."""

@@ -61,14 +61,18 @@ class Selection:
         self.choices: dict[str, Choice] = {}
         """By the path of the motion from the file's folder, and ``*``."""
         self._folder = os.path.realpath(self.path.parent)
+        self._folders: dict[str, str] = {}
+        """Paths of folders of motions from this one."""
         if must_exist or self.path.exists():
             self.choices = _read(self.path)
 
     def name(self, motion: str | os.PathLike[str]) -> str:
         """Return what the file calls a motion, whose path may end in ``#NAME``."""
         folder, name = os.path.split(os.path.abspath(motion))
-        path = os.path.join(os.path.realpath(folder), name)  # a link has its own choice
-        return Path(os.path.relpath(path, self._folder)).as_posix()
+        if folder not in self._folders:  # a motion that is a link has its own choice
+            real = os.path.realpath(folder)
+            self._folders[folder] = os.path.relpath(real, self._folder)
+        return Path(self._folders[folder], name).as_posix()
 
     def of(self, motion: str | os.PathLike[str]) -> Choice:
         """Return the choice for a motion; undecided if it is not in the file."""

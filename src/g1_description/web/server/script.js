@@ -197,5 +197,19 @@
     addEventListener(name, () => clearTimeout(resting), { capture: true, passive: true });
   }
 
-  window.g1 = { upload, copy, toast };
+  /** Press the button with these words. */
+  function press(words) {
+    const buttons = [...document.querySelectorAll("button")];
+    buttons.find((button) => button.textContent.trim() === words)?.click();
+  }
+
+  // Keys of the list of motions, where nobody types.
+  const PRESSED = { n: "Next", p: "Previous", k: "Keep", x: "Exclude" };
+  addEventListener("keydown", (event) => {
+    const { key, target, ctrlKey, altKey, metaKey } = event;
+    const types = target.matches?.("input, textarea, select, [contenteditable]");
+    if (!types && !ctrlKey && !altKey && !metaKey && key in PRESSED) press(PRESSED[key]);
+  });
+
+  window.g1 = { upload, copy, press, toast };
 })();
