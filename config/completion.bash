@@ -26,9 +26,9 @@ _g1_description_options[play]="--base-frame --fps --from --help --lead-in --loop
 _g1_description_options[pose]="--about --file --force --help --list --namespace --save --seconds"
 _g1_description_options[record]="--force --gazebo --help --model --namespace --rate --seconds"
 _g1_description_options[snapshot]="--fps --gif --help --joints --model --motion --motion-fps --motion-topic --namespace --seconds --size --times --view"
-_g1_description_options[web]="--compare --fps --help --host --model --motion --port --read-only --thresholds --topic"
+_g1_description_options[web]="--compare --fps --help --host --model --motion --port --read-only --report --selection --thresholds --topic"
 _g1_description_flags=" --convex-collisions --fixed-base --force --gif --json --keep-missing --list --loop --no-visual-hulls --on-floor --physics --quiet --read-only --start-here "
-_g1_description_files=" --collisions --compare --csv --file --html --json --model --motion --out --plot --selection --thresholds --write-selection "
+_g1_description_files=" --collisions --compare --csv --file --html --json --model --motion --out --plot --report --selection --thresholds --write-selection "
 _g1_description_links="python packages master address nodes description meshes simulator clock time link_states bridge model urdf joint_states state_publisher tf diagnostics picture"
 # end of commands
 

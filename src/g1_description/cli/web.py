@@ -42,7 +42,7 @@ class WebOptions:
     """
 
     folder: Path | None = argument(
-        "a folder of motions to look through; see [a folder](#a-folder-of-motions)",
+        "a folder of motions to look through",
         Path,
         nargs="?",
         default=None,

@@ -10,7 +10,7 @@ from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from g1_description.checks.verdict import FAILED, WARNING, Verdict
+from g1_description.checks.verdict import FAILED, PASSED, WARNING, Verdict
 from g1_description.errors import InvalidValueError
 from g1_description.motion.motion import Motion
 from g1_description.motion.selection import EXCLUDE, KEEP, UNDECIDED
@@ -182,7 +182,7 @@ class LibraryPanel:
 
     def _row(self, number: str, entry: Entry) -> str:
         """Write a row; a click on it presses the button of its number."""
-        color = COLORS.get(entry.result, "#868e96")
+        color = {PASSED: "#2f9e44", **COLORS}.get(entry.result, "#868e96")
         is_open = ' class="g1-open"' if entry is self._open else ""
         mark, note = MARKS[self._library.choice(entry)], self._library.note(entry)
         lines = [_figures(entry), _found(entry), html.escape(note)]
