@@ -6,6 +6,7 @@ from checked import ARM, POST, post_motion
 
 from g1_description import Robot
 from g1_description.motion.motion import Motion
+from g1_description.web.file_world import standing_base
 
 MASS = 10.5
 
@@ -48,16 +49,34 @@ def test_energy_is_what_is_lifted(post):
 
 
 def test_energy_of_a_turning_robot(post):
-    """Far from the origin: kinetic energy of a turn that begins and ends at rest."""
+    """Turned about the y axis, far from the origin, from rest to rest."""
     times = np.linspace(0.0, 10.0, 501)
     s = np.clip((times - 3.0) / 4.0, 0.0, 1.0)
     angle = 8.0 * (10 * s**3 - 15 * s**4 + 6 * s**5)
     motion = moved(times, np.tile([9.0, -4.0, 0.0], (len(times), 1)))
-    motion.base_poses[:, 5] = np.sin(angle / 2.0)
+    motion.base_poses[:, 4] = np.sin(angle / 2.0)
     motion.base_poses[:, 6] = np.cos(angle / 2.0)
-    fastest = 8.0 * 1.875 / 4.0
+    speed = 8.0 * 30.0 * (s * (1.0 - s)) ** 2 / 4.0
+    inertia, arm = 0.11 + 0.5 * 0.15**2, 0.5 * 0.15
+    energy = 0.5 * inertia * speed**2 + 9.81 * arm * np.cos(angle)
+    gained = np.maximum(np.diff(energy), 0.0).sum()
     figures = post.check(motion).figures
-    assert figures["energy"] == pytest.approx(0.5 * 0.11 * fastest**2, rel=0.02)
+    assert figures["energy"] == pytest.approx(gained, rel=0.02)
+
+
+def test_one_foot_is_contact():
+    """And both are no more: the share of the time, not of the feet."""
+    robot = Robot()
+    positions = robot.positions({"left_hip_pitch_joint": -0.8, "left_knee_joint": 1.4})
+    named = dict(zip(robot.joint_names, positions))
+    base = standing_base(robot.description, named)
+    times = np.linspace(0.0, 1.0, 31)
+    motion = robot.trajectory(
+        times, np.tile(positions, (31, 1)), base_poses=np.tile(base, (31, 1))
+    )
+    verdict = robot.check(motion)
+    assert {*verdict.bearing} == {"right_ankle_roll_link"}
+    assert verdict.figures["contact_share"] == pytest.approx(1.0)
 
 
 def test_without_a_base_there_is_no_way(post):

@@ -1,5 +1,6 @@
 """The command check: what it refuses, prints and writes, and what it ends with."""
 
+import csv
 import json
 import os
 import signal
@@ -323,6 +324,19 @@ def is_running(group):
     except ProcessLookupError:
         return False
     return True
+
+
+def test_reports_say_where_pictures_are(folder):
+    files = write_motions(folder, PASSES, PASSES)
+    (folder / "out").mkdir()
+    given = ["--plot", "plots", "--json", "out/a.json", "--csv", "out/a.csv"]
+    assert run(*files, *given) == 0
+    content = json.loads((folder / "out" / "a.json").read_text())
+    pictures = [file["picture"] for file in content["files"]]
+    assert pictures == [f"../plots/motion{n}.csv.png" for n in (0, 1)]
+    rows = csv.DictReader((folder / "out" / "a.csv").read_text().splitlines())
+    assert [row["picture"] for row in rows] == pictures
+    assert all((folder / "out" / name).is_file() for name in pictures)
 
 
 def test_a_selection_leaves_motions_out(folder, capsys):

@@ -63,6 +63,16 @@ def test_a_report_is_found_again_whatever_its_folder_was_called(folder, named):
     assert known["motion0.csv"].excluded_by == "joint_speed.max > 1.5"
 
 
+def test_a_report_of_two_folders_is_not_mixed_up(folder):
+    check = FileChecker(Robot(POST).checker())
+    file = folder / "motion1.csv"
+    outcome = check.outcome("motions/motion1.csv", file)
+    other = FileResult("other/motion1.csv", problem="of another folder")
+    (folder / REPORT).write_text(csv_text([other, outcome]))
+    found = library(folder, folder / REPORT)
+    assert found.entries[2].result == "failed"
+
+
 def test_motions_are_sorted_and_filtered(folder):
     found = library(folder, report(folder, "motions"))
     by_speed = names(found.listed(View(sort="joint_speed.max")))

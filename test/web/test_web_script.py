@@ -45,7 +45,7 @@ class Small:
         viser.scene.configure_environment_map(None)
         viser.initial_camera.position = (3.0, 3.0, 2.0)
         self.box = viser.scene.add_box("/box", (200, 0, 0), (1.0, 1.0, 1.0))
-        self.walk = gui.add_button_group("Motion", ["Previous", "Next"])
+        self.walk = gui.add_button_group("", ["Previous", "Next", "Undecided"])
         tabs = gui.add_tab_group()
         with tabs.add_tab("Robot"):
             with gui.add_folder("legs"):
