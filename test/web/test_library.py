@@ -9,11 +9,12 @@ from checked import POST, write_motions
 
 from g1_description import Robot
 from g1_description.checks.batch import FileChecker
-from g1_description.checks.report import FileResult, csv_text
+from g1_description.checks.report import FileResult, csv_text, json_text
 from g1_description.errors import InvalidValueError
 from g1_description.motion.selection import FILE, Choice, Selection
-from g1_description.web.library import BY_RULE, REPORT, UNKNOWN, Library, View
+from g1_description.web.library import BY_RULE, REPORTS, UNKNOWN, Library, View
 
+REPORT = REPORTS[0]
 REACHES = 0.5, 1.5, 0.25, 0.1
 RULES = {"joint_speed.max > 1.5": "exclude"}
 
@@ -27,7 +28,7 @@ def folder(tmp_path):
     return tmp_path / "motions"
 
 
-def report(folder, named, left_out="motion2.csv"):
+def report(folder, named, left_out="motion2.csv", ending=".csv"):
     """Check all but a file; write the report, with names from elsewhere."""
     check = FileChecker(Robot(POST).checker(RULES))
     found = []
@@ -37,8 +38,8 @@ def report(folder, named, left_out="motion2.csv"):
             outcome = check.outcome(f"{named}/{name}", file)
             found.append(outcome)
     found.append(FileResult("elsewhere/motion2.csv", problem="of another folder"))
-    path = folder / REPORT
-    path.write_text(csv_text(found))
+    path = (folder / REPORT).with_suffix(ending)
+    path.write_text(csv_text(found) if ending == ".csv" else json_text(found, 0))
     return path
 
 
@@ -61,6 +62,14 @@ def test_a_report_is_found_again_whatever_its_folder_was_called(folder, named):
     assert known["motion2.csv"].result == UNKNOWN
     assert known["motion1.csv"].found["position"] == "failed"
     assert known["motion0.csv"].excluded_by == "joint_speed.max > 1.5"
+
+
+def test_json_says_what_csv_does(folder):
+    as_csv, as_json = (
+        library(folder, report(folder, "motions", ending=ending)).entries
+        for ending in (".csv", ".json")
+    )
+    assert [vars(entry) for entry in as_json] == [vars(entry) for entry in as_csv]
 
 
 def test_a_report_of_two_folders_is_not_mixed_up(folder):
@@ -103,12 +112,21 @@ def test_a_choice_is_written_beside_those_of_others(folder):
 
 
 @pytest.mark.parametrize(
-    ("text", "told"), [("a,b\n1,2\n", "is no report"), ("\x80", "cannot be read")]
+    ("name", "text"),
+    [
+        ("report.csv", "a,b\n1,2\n"),
+        ("report.csv", "\x80"),
+        ("report.json", "{}"),
+        ("report.json", "[1]"),
+        ("report.json", '{"files": [1]}'),
+        ("report.json", '{"files": [{"findings": [1]}]}'),
+        ("report.json", "{"),
+    ],
 )
-def test_what_is_no_report_is_told(folder, text, told):
-    path = folder / REPORT
+def test_what_is_no_report_is_told(folder, name, text):
+    path = folder / name
     path.write_text(text, encoding="latin-1")
-    with pytest.raises(InvalidValueError, match=f"report.csv {told}"):
+    with pytest.raises(InvalidValueError, match=f"{name} is no report as check writes"):
         library(folder, path)
 
 

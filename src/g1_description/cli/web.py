@@ -28,7 +28,7 @@ from g1_description.robot.load import absolute_urdf
 from g1_description.robot.urdf import parse_urdf
 from g1_description.ros.lifecycle import own_arguments
 from g1_description.web.file_world import FileWorld, StillRobot
-from g1_description.web.library import REPORT, Library
+from g1_description.web.library import REPORTS, Library
 from g1_description.web.server.address import ServerOptions
 from g1_description.web.show import Show, tell_address
 
@@ -49,11 +49,11 @@ class WebOptions:
         metavar="FOLDER",
     )
     report: Path | None = option(
-        "what check found in the folder, as written by check --csv",
+        "what check found in the folder, as written by check --csv or --json",
         None,
         Path,
-        shown="report.csv in the folder, if it is there",
-        metavar="CSV",
+        shown="report.csv or report.json in the folder, if it is there",
+        metavar="FILE",
     )
     selection: Path | None = option(
         "which motions of the folder are kept",
@@ -141,8 +141,8 @@ def make_library(args: WebOptions) -> Library | None:
     if not args.folder.is_dir():
         raise InvalidValueError(f"{args.folder} is not a folder; see --motion.")
     files = [task.path for task in motion_files([args.folder]).tasks]
-    usual = args.folder / REPORT
-    report = args.report or (usual if usual.exists() else None)
+    usual = (args.folder / name for name in REPORTS)
+    report = args.report or next((path for path in usual if path.exists()), None)
     return Library(args.folder, files, report, args.selection)
 
 

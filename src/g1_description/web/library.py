@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import csv
+import gc
+import json
 import math
 import os
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePath
+from typing import Any, TextIO
 
 from g1_description.checks.report import NO_MOTION, RESULTS
 from g1_description.checks.rules import RULES
@@ -16,8 +19,8 @@ from g1_description.checks.verdict import COUNTS, FAILED, FIGURES, WARNING, Verd
 from g1_description.errors import InvalidValueError
 from g1_description.motion.selection import CHOICES, EXCLUDE, KEEP, UNDECIDED, Selection
 
-REPORT = "report.csv"
-"""Usual name of the report, in the folder of the motions."""
+REPORTS = ("report.csv", "report.json")
+"""Usual names of the report, in the folder of the motions."""
 
 UNKNOWN = "not checked yet"
 """Result of a motion that is not in the report."""
@@ -91,13 +94,14 @@ class Library:
         Args:
             folder: The folder.
             files: The motions below it.
-            report: CSV as written by ``check``; None: without.
+            report: CSV or JSON as written by ``check``; None: without.
             selection: Its file, which need not exist.
 
         Raises:
             InvalidValueError: If one cannot be read.
         """
-        own = {os.path.realpath(file) for file in (report, selection) if file}
+        usual = (folder / name for name in REPORTS)
+        own = {os.path.realpath(f) for f in (report, selection, *usual) if f}
         entries = {
             path.relative_to(folder).as_posix(): path
             for path in files
@@ -169,16 +173,44 @@ class Library:
         return chosen[KEEP], chosen[EXCLUDE]
 
 
+NO_REPORT = "{} is no report as check writes it, with --csv or --json."
+
+
+def _json_rows(file: TextIO) -> list[dict[str, Any]]:
+    """Read a report with all findings, and leave what its table has."""
+    was_enabled = gc.isenabled()
+    gc.disable()  # it would take twice the time of the rest
+    try:
+        files = json.load(file)["files"]
+    finally:
+        if was_enabled:
+            gc.enable()
+    rows = []
+    for content in files:
+        findings = content.get("findings", ())
+        severities = [finding["severity"] for finding in findings]
+        row = {name: content.get(name) for name in ("file", "result", "picture")}
+        row.update(content.get("figures", {}))
+        row.update(zip(COUNTS, map(severities.count, (FAILED, WARNING))))
+        row["excluded_by"] = "; ".join(content.get("excluded_by", ()))
+        # The failed ones are first.
+        row.update((f["check"], f["severity"]) for f in reversed(findings))
+        rows.append(row)
+    return rows
+
+
 def _read_report(path: Path, folder: Path, entries: Mapping[str, Entry]) -> None:
     """Give motions what a report says of them."""
     try:
         with path.open(encoding="utf-8", newline="") as file:
-            rows = list(csv.DictReader(file))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise InvalidValueError(f"{path} cannot be read: {reason}.") from error
-    if rows and not {"file", "result", *FIGURES[:1]} <= rows[0].keys():
-        raise InvalidValueError(f"{path} is no report, as check --csv writes it.")
+            is_json = path.suffix.lower() == ".json"
+            rows = _json_rows(file) if is_json else list(csv.DictReader(file))
+    except OSError as error:
+        raise InvalidValueError(f"{path} cannot be read: {error.strerror}.") from error
+    except (csv.Error, ValueError, LookupError, TypeError, AttributeError) as error:
+        raise InvalidValueError(NO_REPORT.format(path)) from error
+    if rows and not {"file", "result"} <= rows[0].keys():
+        raise InvalidValueError(NO_REPORT.format(path))
     files = [PurePath(row["file"]).parts for row in rows]
     prefix = _prefix(files, folder, entries)
     for row, parts in zip(rows, files):
@@ -201,7 +233,7 @@ def _prefix(
     return max(counts, key=lambda p: (counts[p], p[-1:] == (name,)), default=())
 
 
-def _fill(entry: Entry, row: Mapping[str, str], report: Path) -> None:
+def _fill(entry: Entry, row: Mapping[str, Any], report: Path) -> None:
     """Take a row of a report."""
     result = row["result"]
     entry.result = result if result in RESULTS else UNKNOWN
@@ -209,17 +241,17 @@ def _fill(entry: Entry, row: Mapping[str, str], report: Path) -> None:
     if row.get("picture"):
         entry.picture = report.parent / row["picture"]
     for name in (*FIGURES, *COUNTS):
-        if row.get(name):
+        if row.get(name) not in (None, ""):
             entry.figures[name] = _number(row[name])
     for rule in RULES:
         if row.get(rule.name) in (FAILED, WARNING):
             entry.found[rule.name] = row[rule.name]
 
 
-def _number(text: str) -> float:
+def _number(given: Any) -> float:
     """Read a figure; NaN would spoil the order."""
     try:
-        value = float(text)
+        value = float(given)
     except ValueError:
         return math.inf
     return math.inf if math.isnan(value) else value
