@@ -187,7 +187,7 @@ def test_a_clean_motion_has_no_findings():
     assert verdict.findings == ()
     assert verdict.passed
     assert "deepest_self_collision" in verdict.figures
-    assert {*verdict.skipped} == {"acceleration", "jerk", "effort"}
+    assert {*verdict.skipped} == {"effort"}
     assert {*verdict.bearing} == {"left_ankle_roll_link", "right_ankle_roll_link"}
     assert verdict.bearing["left_ankle_roll_link"] == ((0.0, TIMES[-1]),)
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from checked import POST
+from checked import POST, post_motion
 
 from g1_description import Robot
 from g1_description.checks import thresholds_file as module
@@ -103,12 +103,29 @@ def test_the_command_web_reads_the_file_of_defaults(defaults):
         web.web(web.WebOptions())
 
 
+def test_a_rule_excludes_a_motion_by_a_figure(tmp_path):
+    file = tmp_path / "checks.yaml"
+    file.write_text(
+        "joint_speed.max > 1.5: exclude\nduration < 1: exclude\nfailed>0: exclude\n"
+        "root_path > 0: exclude\n"
+    )
+    checker = Robot(POST).checker(file)
+    verdict = checker.check(post_motion(reach=0.5))  # at 0.5 pi rad/s, at rest
+    assert verdict.excluded_by == ("joint_speed.max > 1.5",)
+    verdict = checker.check(post_motion(reach=1.5, seconds=0.9))  # beyond its limit
+    assert verdict.excluded_by[1:] == ("duration < 1", "failed > 0")
+
+
 def test_bounds_are_by_joint(tmp_path):
     file = tmp_path / "checks.yaml"
     file.write_text("jerk_bounds: {default: 9, joints: {a: 4.0}}\n")
     bounds = read_thresholds(file).jerk_bounds.of(("a", "b"))
     np.testing.assert_array_equal(bounds, [4.0, 9.0])
-    np.testing.assert_array_equal(Thresholds().jerk_bounds.of(("a",)), [np.inf])
+    np.testing.assert_array_equal(Thresholds().jerk_bounds.of(("a",)), [100_000.0])
+    own = with_thresholds(Thresholds(), {"jerk_bounds": {"joints": {"a": 4}}})
+    np.testing.assert_array_equal(own.jerk_bounds.of(("a", "b")), [4.0, 100_000.0])
+    none = with_thresholds(Thresholds(), {"jerk_bounds": {"default": None}})
+    np.testing.assert_array_equal(none.jerk_bounds.of(("a",)), [np.inf])
 
 
 @pytest.mark.parametrize(
@@ -135,6 +152,12 @@ def test_bounds_are_by_joint(tmp_path):
         ("jerk_bounds: {joints: [a]}", "jerk_bounds.joints must map joints to numbers"),
         ("jerk_bounds: {joints: {a: 0}}", "must be positive"),
         ("jerk_bounds: {default: -1}", "must be positive"),
+        ("energy >: exclude", "'energy >' must be FIGURE > NUMBER or FIGURE < NUMBER"),
+        ("energy > ten: exclude", "must be FIGURE > NUMBER"),
+        ("energy > .inf: exclude", "must be FIGURE > NUMBER"),
+        ("0 < energy < 9: exclude", "must be FIGURE > NUMBER"),
+        ("root_sped.max > 9: exclude", "Known figures: root_speed.max"),
+        ("energy > 9: 1", "The rule 'energy > 9' must be 'exclude' (got 1)"),
     ],
 )
 def test_a_wrong_file_is_refused_in_a_sentence(tmp_path, text, message):

@@ -1,5 +1,6 @@
 """The command check: what it refuses, prints and writes, and what it ends with."""
 
+import csv
 import json
 import os
 import signal
@@ -19,6 +20,8 @@ from g1_description.cli import check, start
 from g1_description.cli.check import MISUSE, CheckOptions
 from g1_description.cli.motion_paths import motion_files, picture_names
 from g1_description.command_line import parse
+from g1_description.errors import InvalidValueError
+from g1_description.motion.selection import Choice, Selection
 
 PASSES, FAILS = 0.3, 1.5
 
@@ -238,7 +241,7 @@ def test_each_file_is_checked_once_and_pictures_have_names_of_their_own(folder):
 
 def test_a_motion_that_nothing_can_be_said_of_has_not_passed(folder, capsys):
     (file,) = write_motions(folder, PASSES)
-    assert run(file, "--only", "effort,jerk") == MISUSE
+    assert run(file, "--only", "effort") == MISUSE
     output = capsys.readouterr().out
     assert "not checked: All checks were skipped: " in output
 
@@ -350,3 +353,47 @@ def is_running(group):
     except ProcessLookupError:
         return False
     return True
+
+
+def test_reports_say_where_pictures_are(folder):
+    files = write_motions(folder, PASSES, PASSES)
+    (folder / "out").mkdir()
+    given = ["--plot", "plots", "--json", "out/a.json", "--csv", "out/a.csv"]
+    assert run(*files, *given) == 0
+    content = json.loads((folder / "out" / "a.json").read_text())
+    pictures = [file["picture"] for file in content["files"]]
+    assert pictures == [f"../plots/motion{n}.csv.png" for n in (0, 1)]
+    rows = csv.DictReader((folder / "out" / "a.csv").read_text().splitlines())
+    assert [row["picture"] for row in rows] == pictures
+    assert all((folder / "out" / name).is_file() for name in pictures)
+
+
+def test_a_selection_leaves_motions_out(folder, capsys):
+    (folder / "motions").mkdir()
+    write_motions(folder / "motions", PASSES, FAILS, PASSES)
+    chosen = folder / "motions" / "selection.yaml"
+    chosen.write_text("motion1.csv: exclude\n")
+    assert run("motions", "--selection", chosen) == 0
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert last == "2 files: 2 passed; 1 excluded by the selection."
+    chosen.write_text('"*": exclude\n')
+    with pytest.raises(
+        InvalidValueError, match=r"selection\.yaml excludes all motions"
+    ):
+        run("motions", "--selection", chosen)
+
+
+def test_what_a_rule_excludes_is_written_into_a_selection(folder, capsys):
+    (folder / "motions").mkdir()
+    write_motions(folder / "motions", PASSES, FAILS, FAILS)
+    chosen = folder / "motions" / "selection.yaml"
+    chosen.write_text("motion2.csv: {choice: keep, note: mine}\n")
+    (folder / "own.yaml").write_text("failed > 0: exclude\n")
+    given = ["--thresholds", "own.yaml", "--write-selection", chosen]
+    assert run("motions", *given) == 1
+    assert capsys.readouterr().out.count("  excluded by failed > 0") == 2
+    found = Selection(chosen).choices
+    assert found == {
+        "motion1.csv": Choice("exclude", "failed > 0"),
+        "motion2.csv": Choice("keep", "mine"),
+    }

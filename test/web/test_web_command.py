@@ -22,6 +22,7 @@ from waiting import DEADLINE, wait_for
 from g1_description.cli import web
 from g1_description.cli.web import WebOptions
 from g1_description.command_line import parse
+from g1_description.motion.selection import Choice, Selection
 
 from ports import free_port
 
@@ -133,6 +134,7 @@ def test_a_port_that_is_taken_is_told(refused):
         (["--motion", "none.csv"], "none.csv"),
         (["--motion", DATA / "elbow.csv", "--model", ROBOT], "left_elbow_joint"),
         (["--model", "none.urdf"], "none.urdf"),
+        ([DATA / "elbow.csv", "--model", ROBOT], "elbow.csv is not a folder"),
         (["--port", "70000"], "must be a whole number from 0 to 65535"),
         (["--thresholds", DATA / "elbow.csv", "--model", ROBOT], "elbow.csv"),
         (["--host", "no.host.invalid", "--model", ROBOT], "'no.host.invalid'"),
@@ -148,6 +150,8 @@ def test_what_it_cannot_show_is_refused_in_a_sentence(refused, arguments, told):
     [
         (["--compare", "one.csv"], "--compare"),
         (["--motion", "a.csv", "--compare", "a.csv", "b.csv"], "cannot be combined"),
+        (["motions", "--read-only"], "FOLDER cannot be combined with --motion"),
+        (["--report", "a.csv"], "--report and --selection need a FOLDER"),
         (["--fps", "0"], "--fps: must be greater than 0"),
         (["--port", "http"], "--port"),
     ],
@@ -180,6 +184,45 @@ def test_it_shows_until_ctrl_c_also_while_somebody_looks_and_begins_again(tmp_pa
         process.send_signal(signal.SIGTERM)
         output, errors = process.communicate(timeout=DEADLINE)
         assert (process.returncode, output, errors) == (0, "", "")
+
+
+def test_a_folder_is_looked_through(tmp_path):
+    robot, motions = tmp_path / "arm.urdf", tmp_path / "motions"
+    robot.write_text(ARM)
+    motions.mkdir()
+    for name in ("a.csv", "b.csv", "c.csv"):
+        (motions / name).write_bytes((DATA / "elbow.csv").read_bytes())
+    (motions / "d.csv").write_text("time,left_elbow_joint\n0,x\n")
+    given = motions, "--model", robot, "--port", 0
+    with opened(*given) as (_, address), PageClient(address) as client:
+        client.wait_until_whole()
+        wait_for_text(client, "**a\\.csv**")
+        client.set("Motion", "Next")
+        wait_for_text(client, "**b\\.csv**")
+        client.set("Choice", "Exclude")
+        wait_for_text(client, "b\\.csv: exclude")
+        client.set("Open row", "3")
+        wait_for_text(client, "**c\\.csv**")
+        client.set("Note", "smooth")
+        client.set("Motion", "Previous")
+        wait_for_text(client, "**b\\.csv**")
+        client.set("Sort by", "samples")
+        client.set("Chosen", "exclude")
+        wait_for_text(client, "**1** of 4 motions")
+    assert Selection(motions / "selection.yaml").choices == {
+        "b.csv": Choice("exclude"),
+        "c.csv": Choice("undecided", "smooth"),
+    }
+
+
+def wait_for_text(client, text):
+    """Wait until a page has a text in Markdown."""
+
+    def is_there():
+        elements = [*client.elements.values()]
+        return any(text in str(one.get("_markdown", "")) for one in elements)
+
+    client.wait_for(is_there, text)
 
 
 def check_comparison(nodes):

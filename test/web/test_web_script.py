@@ -17,6 +17,9 @@ from support.pictures import share_changed
 from waiting import DEADLINE, wait_for
 from web_clients import opened
 
+from g1_description.checks.report import FileResult
+from g1_description.checks.report_page import write_page
+from g1_description.checks.verdict import Verdict
 from g1_description.errors import MotionError
 
 from page_client import PageClient
@@ -42,6 +45,7 @@ class Small:
         viser.scene.configure_environment_map(None)
         viser.initial_camera.position = (3.0, 3.0, 2.0)
         self.box = viser.scene.add_box("/box", (200, 0, 0), (1.0, 1.0, 1.0))
+        self.walk = gui.add_button_group("", ["Previous", "Next", "Undecided"])
         tabs = gui.add_tab_group()
         with tabs.add_tab("Robot"):
             with gui.add_folder("legs"):
@@ -197,6 +201,21 @@ def test_a_typed_number_is_stepped(page, small):
 
 
 @needs_browser
+def test_keys_press_buttons_where_nobody_types(page, small):
+    came = []
+    small.walk.on_click(lambda event: came.append(event.target.value))
+    page.field("Name").fill("")
+    page.field("Name").press("n")
+    page.wait_for(lambda: small.name.value == "n", "the typed letter")
+    page.raw.locator("label", has_text="Name").first.click()
+    page.raw.evaluate("document.activeElement.blur()")
+    page.raw.keyboard.press("p")
+    page.raw.keyboard.press("Control+n")
+    page.raw.keyboard.press("n")
+    page.wait_for(lambda: came == ["Previous", "Next"], "both buttons")
+
+
+@needs_browser
 def test_files_are_dropped_and_what_came_of_them_is_said(page, tmp_path):
     for name, text, told in (
         ("broken.csv", "none", "broken.csv has no joints."),
@@ -227,6 +246,27 @@ def test_who_brought_the_token_once_is_let_in(chromium):
             page.raw.goto(place)
             page.wait_for(lambda: "Stand" in page.text(), "the page")
         page.close()
+
+
+@needs_browser
+def test_the_page_of_check_is_sorted(chromium, tmp_path):
+    path = tmp_path / "page.html"
+    lengths = {"b": 9.0, "a": 10.0, "d": None, "c": 2.5}
+    outcomes = [
+        FileResult(name, Verdict("r", figures={} if n is None else {"duration": n}))
+        for name, n in lengths.items()
+    ]
+    write_page(path, outcomes, [None] * len(outcomes), 0)
+    page = chromium.open(path.as_uri(), WINDOW)
+
+    def sorted_by(head):
+        page.raw.locator("th", has_text=head).click()
+        return "".join(page.raw.locator("td:first-child").all_inner_texts())
+
+    orders = [sorted_by("length"), sorted_by("length"), sorted_by("file")]
+    assert orders == ["cbad", "abcd", "abcd"]
+    assert not page.problems
+    page.close()
 
 
 @needs_browser

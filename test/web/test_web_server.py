@@ -147,7 +147,7 @@ def test_the_page_is_visers_with_our_script(server):
     assert answer.headers["Content-Type"] == "text/html; charset=utf-8"
     before, _, after = page.partition("<script>// What the page does")
     script, _, rest = after.rpartition("</script></body>")
-    assert "window.g1 = { upload, copy, toast };" in script
+    assert "window.g1 = { upload, copy, press, toast };" in script
     assert "const readOnly = false;" in script
     assert before + "</body>" + rest == INDEX.read_text(encoding="utf-8")
 

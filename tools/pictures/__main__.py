@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import subprocess
+import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -11,7 +13,7 @@ from support.browser import Browser, missing
 from g1_description import Robot
 
 from .motions import squat
-from .shots import SHOTS, take
+from .shots import SCRIPTS, SHOTS, take
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -40,6 +42,12 @@ def main() -> None:
         for name, with_faults in (("squat", False), ("faults", True)):
             motion = squat(robot, with_faults)
             robot.write_motion(Path(folder, f"{name}.csv"), motion)
+            copy = Path(folder, "motions", "squat", f"{name}.csv")
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            robot.write_motion(copy, motion)
+        reports = "--csv", "motions/report.csv", "--plot", "plots"
+        words = [sys.executable, str(SCRIPTS / "check"), "motions", *reports]
+        subprocess.run(words, cwd=folder, stdout=subprocess.DEVNULL)
         for name in args.names:
             file = args.folder / SHOTS[name].file
             take(browser, SHOTS[name], Path(folder), file)

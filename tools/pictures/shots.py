@@ -14,7 +14,8 @@ from PIL import Image
 from support.browser import Browser
 from support.browser_page import Page
 
-WEB = Path(__file__).resolve().parents[2] / "scripts" / "web"
+SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
+WEB = SCRIPTS / "web"
 
 SHADES = 8
 """What colours are rounded to, of 256: files are half as large, and nobody sees it."""
@@ -63,6 +64,17 @@ def _motion(page: Page) -> None:
     page.raw.get_by_role("button", name="self collision").first.click()
 
 
+def _folder(page: Page) -> None:
+    """Open the second motion, and exclude it."""
+    page.press("Next")
+    page.press("Exclude")
+    page.wait_for(lambda: "1 excluded" in page.text(), "the choice")
+    page.open_tab("Motion")
+    _wait_for_findings(page, 1)
+    page.slider("Time").type(0.8)
+    page.open_tab("Folder")
+
+
 def _compare(page: Page) -> None:
     """Show the middle of two motions."""
     page.open_tab("Motion")
@@ -86,6 +98,7 @@ SHOTS = {
     "compare": Shot(
         "browser_compare.png", ("--compare", "squat.csv", "faults.csv"), _compare
     ),
+    "folder": Shot("browser_folder.png", ("motions",), _folder),
     "phone": Shot("browser_phone.png", ("--motion", "faults.csv"), _motion, phone=True),
 }
 

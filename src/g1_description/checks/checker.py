@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from g1_description.checks.intervals import intervals
+from g1_description.checks.intervals import intervals, time_share
 from g1_description.checks.measured import CheckedRobot, Measured, measure
 from g1_description.checks.rule import Rule
 from g1_description.checks.rules import RULES
+from g1_description.checks.rules.jumps import near_jumps
 from g1_description.checks.rules.limits import check_bounds, zero_limits
 from g1_description.checks.rules.physics import physics_figures, physics_summary
 from g1_description.checks.thresholds import Thresholds
@@ -166,7 +167,7 @@ class Checker:
         notes = [*self.notes, *notes]
         if measured.played is not None:
             notes += [*measured.played.left_out, physics_summary(measured)]
-        return Verdict(
+        verdict = Verdict(
             self.description.name,
             sorted_findings(f for rule in made for f in rule.find(rule, measured)),
             tuple(rule.name for rule in made),
@@ -174,8 +175,12 @@ class Checker:
             _figures(measured),
             _bearing(measured),
             tuple(dict.fromkeys(notes)),
-            measured,
+            measured=measured,
         )
+        values = {**verdict.figures, **verdict.counts}
+        exclusions = self.thresholds.exclusions
+        holding = tuple(rule.text for rule in exclusions if rule.holds(values))
+        return replace(verdict, excluded_by=holding)
 
 
 def _figures(measured: Measured) -> dict[str, float]:
@@ -192,7 +197,17 @@ def _figures(measured: Measured) -> dict[str, float]:
         "samples_beyond_limits": int(beyond.sum()),
     }
     if speeds.size:
-        found["largest_joint_speed"] = float(speeds.max())
+        found["joint_speed.max"] = float(speeds.max())
+    if measured.trajectory.base_poses is not None:
+        found.update(_ways(measured))
+    if measured.power is not None and len(measured.times) > 1:
+        is_known = measured.once(near_jumps).is_known
+        gain = np.where(is_known, np.maximum(measured.power, 0.0), 0.0)
+        means = (gain[1:] + gain[:-1]) / 2.0
+        found["energy"] = float(means @ np.diff(measured.times))
+    if measured.in_contact is not None:
+        any_link = measured.in_contact.any(axis=1)
+        found["contact_share"] = time_share(measured.times, any_link)
     if measured.contacts is not None:
         found["deepest_self_collision"] = float(measured.depth.max())
     if measured.heights is not None:
@@ -205,6 +220,16 @@ def _figures(measured: Measured) -> dict[str, float]:
     if measured.played is not None:
         found.update(physics_figures(measured.played))
     return found
+
+
+def _ways(measured: Measured) -> dict[str, float]:
+    """Compute the path of the base in [m] and its largest speed in [m/s]."""
+    steps = np.linalg.norm(np.diff(measured.base_poses()[:, :3], axis=0), axis=1)
+    speeds = steps / np.diff(measured.times)
+    return {
+        "root_path": float(steps.sum()),
+        "root_speed.max": float(speeds.max()) if len(speeds) else 0.0,
+    }
 
 
 def _single(

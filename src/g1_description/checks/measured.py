@@ -138,6 +138,9 @@ class Measured:
         self.efforts: np.ndarray | None = None
         """Of all joints of a robot with a fixed base, in [N m] or [N], shape (n,
         n_joints)."""
+        self.power: np.ndarray | None = None
+        """Change of the robot's kinetic and potential energy in [W], shape (n,); with a
+        fixed base, the power of all joints."""
         self.played: Rollout | None = None
         """The simulated motion."""
         self._once: dict[Callable[[Measured], Any], Any] = {}
@@ -299,7 +302,7 @@ def measure(
         is_array = isinstance(values[0], np.ndarray)
         join = np.concatenate if is_array else Contacts.joined
         found.own[name] = join(values)
-    found.efforts = joined("efforts")
+    found.efforts, found.power = joined("efforts"), joined("power")
     if "ground" in needs or "balance" in needs:
         grounds = [piece["ground"] for piece in pieces]
         found.ground = robot.ground.frames(grounds, found.times)
@@ -329,7 +332,9 @@ def _piece(
     has_mass = robot.masses.total > 0.0
     if not (has_mass and {"center", "balance", "efforts"} & set(needs)):
         return found
-    dynamics = inverse_dynamics(robot.kinematics, robot.masses, motion.dynamics(times))
+    moving = motion.dynamics(times)
+    dynamics = inverse_dynamics(robot.kinematics, robot.masses, moving)
+    found["power"] = _power(dynamics, moving)
     if "efforts" in needs:
         found["efforts"] = dynamics.efforts
     if "ground" in found:
@@ -339,6 +344,16 @@ def _piece(
         found["zmp"] = zero_moment_points(dynamics, weight, floor)
         found["is_still"] = _is_still(dynamics, speed, robot)
     return found
+
+
+def _power(dynamics: Dynamics, moving: RobotMotion) -> np.ndarray:
+    """Compute the power of joints and of the wrench at the root, shape (n,)."""
+    turning = moving.root_twists[:, 3:]
+    # The wrench is about the world's origin: so is the velocity.
+    at_origin = moving.root_twists[:, :3] - cross(turning, moving.T_world_root[:, :3])
+    twists = np.concatenate([at_origin, turning], axis=1)
+    of_root = (dynamics.root_wrench * twists).sum(axis=1)
+    return of_root + (dynamics.efforts * moving.velocities).sum(axis=1)
 
 
 def _is_still(

@@ -12,7 +12,15 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from g1_description.checks.rules import RULES
-from g1_description.checks.verdict import FAILED, PASSED, WARNING, Finding, Verdict
+from g1_description.checks.verdict import (
+    COUNTS,
+    FAILED,
+    FIGURES,
+    PASSED,
+    WARNING,
+    Finding,
+    Verdict,
+)
 
 NOT_READ, NOT_CHECKED = "not read", "not checked"
 NO_MOTION = "not a motion"
@@ -38,6 +46,9 @@ class FileResult:
 
     plot: bytes = b""
     """A picture as PNG; empty if none was requested."""
+
+    picture: str = ""
+    """File of the picture, from the folder of the report; empty if there is none."""
 
     @property
     def result(self) -> str:
@@ -69,6 +80,7 @@ def outcome_text(outcome: FileResult) -> str:
     lines = [f"{head}{_measures(verdict)}"]
     if verdict.findings:
         lines += table([HEAD, *(finding_row(f) for f in verdict.findings)], 3)
+    lines += [f"  excluded by {rule}" for rule in verdict.excluded_by]
     lines += [f"  note: {note}" for note in verdict.notes]
     if verdict.skipped:
         lines.append(f"  skipped: {skipped_text(verdict)}")
@@ -140,23 +152,8 @@ def table(rows: Sequence[Sequence[str]], n_left: int) -> list[str]:
     return [aligned(row) for row in rows]
 
 
-FIGURES = (
-    "duration",
-    "samples",
-    "samples_beyond_limits",
-    "largest_joint_speed",
-    "deepest_self_collision",
-    "lowest_height",
-    "least_center_margin",
-    "least_zmp_margin",
-    "fall_time",
-    "rms_tracking_error",
-    "largest_tracking_error",
-)
-"""Figures of a motion that have a column."""
-
 COLUMNS = (
-    *("file", "result", "failed", "warnings", "first_time", "problem"),
+    *("file", "result", *COUNTS, "first_time", "problem", "excluded_by", "picture"),
     *FIGURES,
     *(column for rule in RULES for column in (rule.name, f"{rule.name}_worst")),
 )
@@ -177,6 +174,8 @@ def json_text(outcomes: Sequence[FileResult], not_done: int) -> str:
 def _as_dict(outcome: FileResult) -> dict[str, Any]:
     """Return an outcome for JSON."""
     found: dict[str, Any] = {"file": outcome.file, "result": outcome.result}
+    if outcome.picture:
+        found["picture"] = outcome.picture
     if outcome.verdict is None:
         return {**found, "problem": outcome.problem}
     return {**found, **outcome.verdict.as_dict()}
@@ -209,11 +208,12 @@ def csv_text(outcomes: Sequence[FileResult]) -> str:
 def _row(outcome: FileResult) -> dict[str, Any]:
     """Return the row of a file."""
     row: dict[str, Any] = {"file": outcome.file, "result": outcome.result}
+    row["picture"] = outcome.picture
     verdict = outcome.verdict
     if verdict is None:
         return {**row, "problem": outcome.problem}
-    severities = [finding.severity for finding in verdict.findings]
-    row["failed"], row["warnings"] = map(severities.count, (FAILED, WARNING))
+    row.update(verdict.counts)
+    row["excluded_by"] = "; ".join(verdict.excluded_by)
     if verdict.first_time is not None:
         row["first_time"] = verdict.first_time
     row.update({k: verdict.figures[k] for k in FIGURES if k in verdict.figures})

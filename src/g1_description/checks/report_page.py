@@ -32,7 +32,40 @@ td + td:not(:last-child) { white-space: nowrap; }
 .failed { background: #f0bf99; } .not { background: #ddd; }
 .about { color: #555; margin: .2em 0; } img { max-width: 100%; }
 a { color: #0060a0; }
+.files th { cursor: pointer; white-space: nowrap; }
 """
+
+SCRIPT = """
+const cells = (row, n) => row.cells[n].textContent;
+document.querySelectorAll(".files th").forEach((head, n) => {
+  let sign = -1;
+  head.onclick = () => {
+    const body = head.closest("table").tBodies[0];
+    const rows = [...body.rows].slice(1);
+    sign = -sign;
+    const number = (row) => parseFloat(cells(row, n));
+    rows.sort((a, b) => {
+      const [x, y] = [number(a), number(b)];
+      if (n > 1 && isNaN(x) !== isNaN(y)) return isNaN(x) ? 1 : -1;
+      if (n > 1 && !isNaN(x)) return sign * (x - y);
+      return sign * cells(a, n).localeCompare(cells(b, n));
+    });
+    body.append(...rows);
+  };
+});
+"""
+"""Sorts the table of files by a column, also in the other direction; numbers from the
+third column on, unknown ones last."""
+
+COLUMNS = {
+    "duration": "length [s]",
+    "root_path": "path [m]",
+    "root_speed.max": "base [m/s]",
+    "joint_speed.max": "joints [rad/s]",
+    "contact_share": "contact",
+    "energy": "energy [J]",
+}
+"""Figures in the table of files."""
 
 
 def write_page(
@@ -72,18 +105,20 @@ def _page(
     yield from _overview(outcomes)
     for number, (outcome, picture) in enumerate(zip(outcomes, pictures)):
         yield from _section(number, outcome, picture)
-    yield "</body>\n</html>\n"
+    yield f"<script>{SCRIPT}</script>\n</body>\n</html>\n"
 
 
 def _overview(outcomes: Sequence[FileResult]) -> Iterator[str]:
     """Write the table of all files."""
-    heads = ("file", "result", "failed", "warnings", "first at", "checks that failed")
-    yield f"<table>\n{_row('th', heads)}"
+    heads = ("file", "result", "failed", "warnings", "first at", *COLUMNS.values())
+    last = "checks that failed; excluded by"
+    yield f'<table class="files">\n{_row("th", (*heads, last))}'
     for number, outcome in enumerate(outcomes):
         cells = [f'<a href="#file{number}">{escape(outcome.file)}</a>']
         cells.append(_badge(outcome.result))
         if outcome.verdict is None:
-            yield _row("td", [*cells, "", "", "", escape(outcome.problem)])
+            unknown = [""] * (len(heads) - len(cells))
+            yield _row("td", [*cells, *unknown, escape(outcome.problem)])
             continue
         findings = outcome.verdict.findings
         counts = counted(finding.severity for finding in findings)
@@ -91,7 +126,10 @@ def _overview(outcomes: Sequence[FileResult]) -> Iterator[str]:
         first = "" if time is None else f"{time:.3f} s"
         names = dict.fromkeys(f.check for f in findings if f.severity == "failed")
         cells += [str(counts["failed"]), str(counts["warning"]), first]
-        yield _row("td", [*cells, escape(", ".join(names))])
+        figures = outcome.verdict.figures
+        cells += [f"{figures[n]:.4g}" if n in figures else "" for n in COLUMNS]
+        reasons = [", ".join(names), *outcome.verdict.excluded_by]
+        yield _row("td", [*cells, escape("; ".join(filter(None, reasons)))])
     yield "</table>\n"
 
 
@@ -125,6 +163,8 @@ def _verdict(verdict: Verdict) -> Iterator[str]:
             severity, *cells = finding_row(finding)
             yield _row("td", [_badge(severity), *map(escape, cells)])
         yield "</table>\n"
+    for rule in verdict.excluded_by:
+        yield f'<p class="about">excluded by {escape(rule)}</p>\n'
     for note in verdict.notes:
         yield f'<p class="about">{escape(note)}</p>\n'
     if verdict.skipped:

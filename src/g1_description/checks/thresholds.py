@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import operator
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -36,6 +38,41 @@ class JointBounds:
         return np.array([self.joints.get(name, default) for name in names], dtype=float)
 
 
+SIGNS = {"<": operator.lt, ">": operator.gt}
+
+
+@dataclass(frozen=True)
+class Exclusion:
+    """A rule that excludes motions by one of their figures."""
+
+    figure: str
+    """Name of the figure, such as ``root_speed.max``."""
+
+    sign: str
+    """``<`` or ``>``."""
+
+    bound: float
+
+    @property
+    def text(self) -> str:
+        """The rule as it is written."""
+        return f"{self.figure} {self.sign} {self.bound:g}"
+
+    @classmethod
+    def parsed(cls, text: str) -> Exclusion | None:
+        """Read a rule; None if the text is none."""
+        match = re.fullmatch(r"\s*([\w.]+)\s*([<>])\s*([-+.\w]+)\s*", text)
+        try:
+            return cls(match[1], match[2], float(match[3])) if match else None
+        except ValueError:
+            return None
+
+    def holds(self, figures: Mapping[str, float]) -> bool:
+        """Return whether it excludes a motion; not if it lacks the figure."""
+        is_known = self.figure in figures
+        return is_known and SIGNS[self.sign](figures[self.figure], self.bound)
+
+
 @dataclass(frozen=True)
 class Thresholds:
     """All thresholds and parameters of the checks.
@@ -46,10 +83,14 @@ class Thresholds:
     levels: Mapping[str, Level] = field(default_factory=dict)
     """By the name of the check; by default the level of its rule."""
 
-    acceleration_bounds: JointBounds = field(default_factory=JointBounds)
-    """In [rad/s^2] or [m/s^2]."""
+    exclusions: tuple[Exclusion, ...] = ()
+    """Rules that exclude motions by their figures."""
 
-    jerk_bounds: JointBounds = field(default_factory=JointBounds)
+    acceleration_bounds: JointBounds = JointBounds(1000.0)
+    """In [rad/s^2] or [m/s^2]. By default, this and the next are above 99.9 % of the
+    samples of published motions of the G1; see docs/checks.md."""
+
+    jerk_bounds: JointBounds = JointBounds(100_000.0)
     """In [rad/s^3] or [m/s^3]."""
 
     floor_height: float = 0.0

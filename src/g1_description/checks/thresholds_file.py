@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import fields, replace
 from pathlib import Path
@@ -9,7 +10,14 @@ from typing import Any
 
 from g1_description.checks.rule import Rule
 from g1_description.checks.rules import RULES
-from g1_description.checks.thresholds import JointBounds, Level, Thresholds
+from g1_description.checks.thresholds import (
+    SIGNS,
+    Exclusion,
+    JointBounds,
+    Level,
+    Thresholds,
+)
+from g1_description.checks.verdict import COUNTS, FIGURES
 from g1_description.errors import ThresholdError
 from g1_description.files.model_files import share_folder
 from g1_description.files.yaml import YamlError, finite_number, read_yaml
@@ -22,7 +30,14 @@ BOUNDS = ("acceleration_bounds", "jerk_bounds")
 POSITIVE = ("window", "longest_interval")
 """Parameters that cannot be zero."""
 
-PARAMETERS = tuple(part.name for part in fields(Thresholds) if part.name != "levels")
+EXCLUDE = "exclude"
+"""What a rule over a figure does."""
+
+PARAMETERS = tuple(
+    part.name
+    for part in fields(Thresholds)
+    if part.name not in ("levels", "exclusions")
+)
 
 
 def read_thresholds(file: Path | None = None) -> Thresholds:
@@ -59,7 +74,8 @@ def with_thresholds(thresholds: Thresholds, content: Mapping[str, Any]) -> Thres
         thresholds: Those to begin with.
         content: Values by name: of a check ``{warning: NUMBER, failure: NUMBER}``, of
             bounds ``{default: NUMBER, joints: {NAME: NUMBER}}``, else a number; in the
-            first two null means no limit.
+            first two null means no limit. ``FIGURE > NUMBER`` or ``FIGURE < NUMBER``
+            is a rule, with the value ``exclude``.
 
     Raises:
         ThresholdError: If a name is unknown or a value is invalid.
@@ -67,20 +83,43 @@ def with_thresholds(thresholds: Thresholds, content: Mapping[str, Any]) -> Thres
     rules = {rule.name: rule for rule in RULES}
     known = [*rules, *PARAMETERS]
     levels = dict(thresholds.levels)
+    exclusions = list(thresholds.exclusions)
     changed: dict[str, Any] = {}
     for name, value in content.items():
         if name in rules:
             levels[name] = _level(rules[name], value, thresholds)
+        elif any(sign in str(name) for sign in SIGNS):
+            exclusions.append(_exclusion(str(name), value))
         elif name not in known:
             raise ThresholdError(
                 f"Unknown threshold '{name}'. Known thresholds: "
                 f"{listed(similar_first(str(name), known))}."
             )
         elif name in BOUNDS:
-            changed[name] = _bounds(name, value)
+            changed[name] = _bounds(name, value, getattr(thresholds, name))
         else:
             changed[name] = _parameter(name, value)
-    return replace(thresholds, levels=levels, **changed)
+    exclusions = list(dict.fromkeys(exclusions))
+    return replace(thresholds, levels=levels, exclusions=tuple(exclusions), **changed)
+
+
+def _exclusion(text: str, value: Any) -> Exclusion:
+    """Read a rule over a figure."""
+    rule = Exclusion.parsed(text)
+    if rule is None or not math.isfinite(rule.bound):
+        raise ThresholdError(
+            f"The rule '{text}' must be FIGURE > NUMBER or FIGURE < NUMBER."
+        )
+    figures = (*FIGURES, *COUNTS)
+    if rule.figure not in figures:
+        known = listed(similar_first(rule.figure, figures))
+        raise ThresholdError(
+            f"The rule '{text}' has the unknown figure '{rule.figure}'. Known figures: "
+            f"{known}."
+        )
+    if value != EXCLUDE:
+        raise ThresholdError(f"The rule '{text}' must be '{EXCLUDE}' (got {value!r}).")
+    return rule
 
 
 def _level(rule: Rule, value: Any, thresholds: Thresholds) -> Level:
@@ -92,8 +131,8 @@ def _level(rule: Rule, value: Any, thresholds: Thresholds) -> Level:
     return replace(rule.level_in(thresholds), **numbers)
 
 
-def _bounds(name: str, value: Any) -> JointBounds:
-    """Read bounds of joints."""
+def _bounds(name: str, value: Any, usual: JointBounds) -> JointBounds:
+    """Read bounds of joints; a missing default is kept."""
     parts = _parts(name, value, ("default", "joints"))
     joints = parts.get("joints") or {}
     if not isinstance(joints, Mapping):
@@ -101,7 +140,7 @@ def _bounds(name: str, value: Any) -> JointBounds:
             f"{name}.joints must map joints to numbers (got {joints!r})."
         )
     found = {str(j): _number(f"{name}.joints.{j}", v) for j, v in joints.items()}
-    default = _optional(f"{name}.default", parts.get("default"))
+    default = _optional(f"{name}.default", parts.get("default", usual.default))
     if any(bound <= 0.0 for bound in (*found.values(), default) if bound is not None):
         raise ThresholdError(f"The bounds in {name} must be positive.")
     return JointBounds(default, found)

@@ -10,6 +10,28 @@ from g1_description.checks.measured import Measured
 
 FAILED, WARNING, PASSED = "failed", "warning", "passed"
 
+FIGURES = (
+    "duration",
+    "samples",
+    "samples_beyond_limits",
+    "root_path",
+    "root_speed.max",
+    "joint_speed.max",
+    "contact_share",
+    "energy",
+    "deepest_self_collision",
+    "lowest_height",
+    "least_center_margin",
+    "least_zmp_margin",
+    "fall_time",
+    "rms_tracking_error",
+    "largest_tracking_error",
+)
+"""Names of the figures of a motion, in the order of reports."""
+
+COUNTS = ("failed", "warnings")
+"""Names of the numbers of findings."""
+
 
 @dataclass(frozen=True)
 class Finding:
@@ -86,13 +108,16 @@ class Verdict:
     """Reasons by the names of the skipped checks."""
 
     figures: dict[str, float] = field(default_factory=dict)
-    """Figures of the motion by name, such as ``duration`` and ``largest_speed``."""
+    """Figures of the motion by name, some of ``FIGURES``."""
 
     bearing: dict[str, tuple[tuple[float, float], ...]] = field(default_factory=dict)
     """First and last time of each contact with the floor, in [s], by link."""
 
     notes: tuple[str, ...] = ()
     """Messages on assumptions."""
+
+    excluded_by: tuple[str, ...] = ()
+    """Rules over figures that exclude the motion, such as ``root_speed.max > 10``."""
 
     measured: Measured | None = field(default=None, compare=False, repr=False)
     """The measurements; None in reports."""
@@ -102,6 +127,12 @@ class Verdict:
         """``failed``, ``warning`` or ``passed``."""
         found = {finding.severity for finding in self.findings}
         return next((s for s in (FAILED, WARNING) if s in found), PASSED)
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Number of failures and of warnings: of ``failed`` and ``warnings``."""
+        severities = [finding.severity for finding in self.findings]
+        return dict(zip(COUNTS, map(severities.count, (FAILED, WARNING))))
 
     @property
     def first_time(self) -> float | None:

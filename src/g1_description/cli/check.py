@@ -9,9 +9,9 @@ import argparse
 import os
 import re
 import sys
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TextIO
@@ -46,6 +46,7 @@ from g1_description.collisions.find_pairs import collisions_of
 from g1_description.command_line import argument, number, option, parse, say, within
 from g1_description.errors import ClusterError, G1DescriptionError, InvalidValueError
 from g1_description.files.atomic import whole_file, write_whole
+from g1_description.motion.selection import EXCLUDE, UNDECIDED, Choice, Selection
 from g1_description.ros.lifecycle import own_arguments
 from g1_description.text import listed, similar_first
 
@@ -54,7 +55,7 @@ MISUSE = 2
 
 STDOUT = "-"
 
-ENDINGS = {"json": ".json", "csv": ".csv", "html": ".html"}
+ENDINGS = {"json": ".json", "csv": ".csv", "html": ".html", "write_selection": ".yaml"}
 """File extensions of reports."""
 
 
@@ -128,6 +129,15 @@ class CheckOptions:
         metavar="YAML",
         see="[allowed pairs](checks.md#allowed-pairs)",
     )
+    selection: Path | None = options.selection()
+    write_selection: Path | None = option(
+        "exclude the motions that a rule of the thresholds excludes in this selection, "
+        "which need not exist",
+        None,
+        Path,
+        metavar="YAML",
+        see="[a folder of motions](checks.md#a-folder-of-motions)",
+    )
     physics: bool = option(
         "also simulate the motions with motors, about as fast as real time",
         False,
@@ -194,7 +204,8 @@ class CheckOptions:
         for name, ending in ENDINGS.items():
             file = getattr(self, name)
             if file not in (None, STDOUT) and Path(file).suffix.lower() != ending:
-                raise InvalidValueError(f"--{name} must end in {ending} (got {file})")
+                flag = f"--{name.replace('_', '-')}"
+                raise InvalidValueError(f"{flag} must end in {ending} (got {file})")
         others = {"csv": self.csv, "plot": self.plot, "html": self.html}
         unfit = [f"--{name}" for name, value in others.items() if value is not None]
         if self.against is not None and unfit:
@@ -223,9 +234,12 @@ class Reports:
         self.problems: list[str] = []
         """Messages on reports that could not be written."""
         self._pictures = _pictures(args.plot, tasks)
-        for name in (args.json, args.csv, args.html):
+        for name in (args.json, args.csv, args.html, args.write_selection):
             if name not in (None, STDOUT):
                 check_place(Path(name))
+        if args.write_selection:
+            Selection(args.write_selection, must_exist=False)
+        self._tasks = tasks
         motions = {os.path.realpath(task.path) for task in tasks}
         if args.csv and os.path.realpath(args.csv) in motions:
             raise InvalidValueError(
@@ -253,14 +267,47 @@ class Reports:
         found = [outcomes[number] for number in sorted(outcomes)]
         if self._args.json:
             with self._going_on():
-                _write(self._args.json, json_text(found, not_done))
+                listed = self._with_pictures(found, outcomes, self._args.json)
+                _write(self._args.json, json_text(listed, not_done))
         if self._args.csv:
             with self._going_on():
-                _write(self._args.csv, csv_text(found))
+                listed = self._with_pictures(found, outcomes, self._args.csv)
+                _write(self._args.csv, csv_text(listed))
         if self._args.html:
             with self._going_on(), whole_file(self._args.html) as part:
                 pictures = [self._picture(number) for number in sorted(outcomes)]
                 write_page(part, found, pictures, not_done)
+
+        if self._args.write_selection:
+            with self._going_on():
+                self._select(self._args.write_selection, outcomes)
+
+    def _with_pictures(
+        self, found: Sequence[FileResult], numbers: Iterable[int], report: str
+    ) -> list[FileResult]:
+        """Tell a report where the pictures of its files are."""
+        folder = "." if report == STDOUT else os.path.dirname(report) or "."
+        files = {
+            number: os.path.relpath(path, folder)
+            for number, path in self._pictures.items()
+            if path.exists()
+        }
+        return [
+            replace(outcome, picture=files.get(number, ""))
+            for number, outcome in zip(sorted(numbers), found)
+        ]
+
+    def _select(self, path: Path, outcomes: Mapping[int, FileResult]) -> None:
+        """Exclude what rules exclude, unless a person has decided."""
+        selection = Selection(path, must_exist=False)
+        for task in self._tasks:
+            verdict = outcomes[task.number].verdict if task.number in outcomes else None
+            chosen = selection.of(task.path)
+            if verdict and verdict.excluded_by and chosen.choice == UNDECIDED:
+                notes = (chosen.note, *verdict.excluded_by)
+                note = "; ".join(filter(None, notes))
+                selection.choose(task.path, Choice(EXCLUDE, note))
+        selection.write()
 
     @contextmanager
     def _going_on(self) -> Iterator[None]:
@@ -371,7 +418,8 @@ def check(args: CheckOptions) -> int:
         G1DescriptionError: If nothing can be checked.
         KeyboardInterrupt: If it is interrupted before the first outcome.
     """
-    files = motion_files(args.files, args.every)
+    selection = Selection(args.selection) if args.selection else None
+    files = motion_files(args.files, args.every, selection)
     if args.against is not None:
         return _compare(args, files, args.against)
     reports = Reports(args, files.tasks)
@@ -448,6 +496,8 @@ def _summarize(results: Results, files: MotionFiles, stream) -> None:
     text = summary_text(outcomes, results.n_missing)
     others = files.n_left_out
     more = f"; ignored {others} with other extensions" if others else ""
+    if files.n_excluded:
+        more += f"; {files.n_excluded} excluded by the selection"
     say(f"{text}{more}.", stream)
 
 

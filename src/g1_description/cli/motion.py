@@ -48,6 +48,7 @@ from g1_description.motion.files.formats import (
 )
 from g1_description.motion.files.source import MotionSource, split
 from g1_description.motion.motion import Motion
+from g1_description.motion.selection import Selection
 from g1_description.robot.description import Description
 from g1_description.ros.lifecycle import own_arguments
 from g1_description.text import listed
@@ -266,7 +267,8 @@ def run(args: Reading) -> int:
         G1DescriptionError: If nothing can be done.
         KeyboardInterrupt: If it is interrupted before the first outcome.
     """
-    tasks = motion_files(args.files, args.every).tasks
+    selection = Selection(args.selection) if args.selection else None
+    tasks = motion_files(args.files, args.every, selection).tasks
     robot = Robot(args.model or MODEL).description
     args.check(robot)
     if isinstance(args, Join):

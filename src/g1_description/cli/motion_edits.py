@@ -63,6 +63,7 @@ class Reading:
     every: bool = option(
         "take all motions of files that have several", False, names=("--all",)
     )
+    selection: Path | None = options.selection()
     jobs: int = option(
         "number of worker processes", 1, within(1, 256, int), metavar="N"
     )

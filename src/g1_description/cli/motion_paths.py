@@ -10,8 +10,10 @@ from urllib.parse import quote
 
 from g1_description.checks.batch import Task
 from g1_description.errors import InvalidValueError, MotionError
+from g1_description.motion import selection as selections
 from g1_description.motion.files.formats import ENDINGS, is_motion_folder, motion_names
 from g1_description.motion.files.source import split
+from g1_description.motion.selection import Selection
 
 
 @dataclass(frozen=True)
@@ -26,19 +28,26 @@ class MotionFiles:
     n_left_out: int
     """Number of files in folders with other extensions."""
 
+    n_excluded: int = 0
+    """Number of files that a selection does not keep."""
 
-def motion_files(paths: Sequence[Path], every: bool = False) -> MotionFiles:
+
+def motion_files(
+    paths: Sequence[Path], every: bool = False, selection: Selection | None = None
+) -> MotionFiles:
     """Find the motions.
 
     Args:
         paths: Files, ``FILE#NAME``, and folders; some of these are one motion.
         every: Whether each motion of a file that has several is a task.
+        selection: Those to take; None: all.
 
     Returns:
         Each once, in the order of the paths; those of a folder by their names.
 
     Raises:
-        InvalidValueError: If a file does not exist, or a folder has no motions.
+        InvalidValueError: If a file does not exist, a folder has no motions, or the
+            selection keeps none.
     """
     found: dict[str, tuple[str, Path]] = {}
     named, n_left_out = set(), 0
@@ -56,7 +65,7 @@ def motion_files(paths: Sequence[Path], every: bool = False) -> MotionFiles:
                 raise InvalidValueError(f"{file} {what}.")
             named.update(add(path))
             continue
-        below = list(_files_below(path))
+        below = [f for f in _files_below(path) if f.name != selections.FILE]
         motions = [
             file for file in below if file.is_dir() or file.suffix.lower() in ENDINGS
         ]
@@ -68,8 +77,14 @@ def motion_files(paths: Sequence[Path], every: bool = False) -> MotionFiles:
         n_left_out += len(below) - len(motions)
         for file in motions:
             add(file)
-    tasks = [Task(number, *item) for number, item in enumerate(found.values())]
-    return MotionFiles(tuple(tasks), frozenset(named), n_left_out)
+    kept = [*found.values()]
+    if selection is not None:
+        kept = [item for item in kept if selection.keeps(item[1])]
+        if not kept:
+            raise InvalidValueError(f"{selection.path} excludes all motions.")
+    tasks = [Task(number, *item) for number, item in enumerate(kept)]
+    n_excluded = len(found) - len(kept)
+    return MotionFiles(tuple(tasks), frozenset(named), n_left_out, n_excluded)
 
 
 def _key(path: Path) -> str:

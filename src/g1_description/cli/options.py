@@ -92,6 +92,17 @@ def topic() -> Any:
     )
 
 
+def selection() -> Any:
+    """Declare the choice of motions of a folder."""
+    return option(
+        "take only the motions that this file keeps",
+        None,
+        Path,
+        metavar="YAML",
+        see="[a folder of motions](checks.md#a-folder-of-motions)",
+    )
+
+
 def thresholds() -> Any:
     """Declare the file of thresholds."""
     return option(

@@ -17,7 +17,8 @@ from g1_description.bounds import MAX_PORT
 from g1_description.checks.checker import Checker
 from g1_description.checks.thresholds_file import read_thresholds
 from g1_description.cli import options
-from g1_description.command_line import option, parse, say, within
+from g1_description.cli.motion_paths import motion_files
+from g1_description.command_line import argument, option, parse, say, within
 from g1_description.errors import G1DescriptionError, InvalidValueError
 from g1_description.files.model_files import share_folder
 from g1_description.motion.files.formats import read_motion
@@ -27,6 +28,7 @@ from g1_description.robot.load import absolute_urdf
 from g1_description.robot.urdf import parse_urdf
 from g1_description.ros.lifecycle import own_arguments
 from g1_description.web.file_world import FileWorld, StillRobot
+from g1_description.web.library import REPORTS, Library
 from g1_description.web.server.address import ServerOptions
 from g1_description.web.show import Show, tell_address
 
@@ -39,6 +41,28 @@ class WebOptions:
     roslaunch g1_description display.launch web:=true.
     """
 
+    folder: Path | None = argument(
+        "a folder of motions to look through",
+        Path,
+        nargs="?",
+        default=None,
+        metavar="FOLDER",
+    )
+    report: Path | None = option(
+        "what check found in the folder, as written by check --csv or --json",
+        None,
+        Path,
+        shown="report.csv or report.json in the folder, if it is there",
+        metavar="FILE",
+    )
+    selection: Path | None = option(
+        "which motions of the folder are kept",
+        None,
+        Path,
+        shown="selection.yaml in the folder",
+        metavar="YAML",
+        see="[a folder of motions](checks.md#a-folder-of-motions)",
+    )
     motion: Path | None = option("a motion to open", None, Path, metavar="FILE")
     compare: list[Path] | None = option(
         "two motions, played in sync by two robots",
@@ -70,8 +94,14 @@ class WebOptions:
         """Check combinations of options.
 
         Raises:
-            InvalidValueError: If both are given.
+            InvalidValueError: If some exclude each other.
         """
+        if self.folder and (self.motion or self.compare or self.read_only):
+            raise InvalidValueError(
+                "FOLDER cannot be combined with --motion, --compare or --read-only"
+            )
+        if not self.folder and (self.report or self.selection):
+            raise InvalidValueError("--report and --selection need a FOLDER")
         if self.motion and self.compare:
             raise InvalidValueError("--motion and --compare cannot be combined")
 
@@ -102,13 +132,31 @@ def make_world(args: WebOptions) -> tuple[FileWorld, list[tuple[Path, Motion]]]:
     return world, motions
 
 
+def make_library(args: WebOptions) -> Library | None:
+    """Find the motions of the folder that was named.
+
+    Raises:
+        InvalidValueError: If it has none, or its report or selection is invalid.
+    """
+    if args.folder is None:
+        return None
+    if not args.folder.is_dir():
+        raise InvalidValueError(f"{args.folder} is not a folder; see --motion.")
+    files = [task.path for task in motion_files([args.folder]).tasks]
+    usual = (args.folder / name for name in REPORTS)
+    report = args.report or next((path for path in usual if path.exists()), None)
+    return Library(args.folder, files, report, args.selection)
+
+
 def _read(
     args: WebOptions, file: Path, robot: Description, rate: float | None
 ) -> Motion:
     """Read a motion."""
-    if file in (args.motion, *(args.compare or ())):
-        named = args.topic, args.order, args.format
-        return read_motion(file, robot, rate, *named)
+    given = (args.motion, *(args.compare or ()))
+    is_listed = args.folder is not None and args.folder in file.parents
+    rate = args.fps if is_listed else rate
+    if is_listed or file in given:
+        return read_motion(file, robot, rate, args.topic, args.order, args.format)
     return read_motion(file, robot, rate)
 
 
@@ -123,12 +171,14 @@ def web(args: WebOptions) -> None:
             signal.signal(signum, signal.default_int_handler)
     thresholds = read_thresholds(args.thresholds)
     world, motions = make_world(args)
+    library = make_library(args)
     server = ServerOptions(args.host, args.port, args.read_only)
     with suppress(KeyboardInterrupt):  # the normal end
         show = Show(
             world,
             server,
             lambda robot: Checker(robot, thresholds),
+            library,
         )
         for (file, motion), robot in zip(motions, world.robots):
             show.page.motion.open(file.name, robot, motion)

@@ -32,10 +32,15 @@ def read_yaml(file: Path) -> object:
         raise YamlError(f"it cannot be read: {error.strerror}") from error
     if len(data) > MAX_SIZE:
         raise YamlError(f"it is larger than {MAX_SIZE / 1e6:g} MB")
-    return _loaded(data)
+    return parse_yaml(data)
 
 
-def _loaded(data: bytes) -> object:
+def parse_yaml(data: bytes) -> object:
+    """Read the first document of a text in UTF-8.
+
+    Raises:
+        YamlError: If it is not valid.
+    """
     # Imported late: it takes 40 ms, and most programs read no such file.
     from ruamel.yaml import YAML, YAMLError
     from ruamel.yaml.constructor import DuplicateKeyError

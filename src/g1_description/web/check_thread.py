@@ -29,9 +29,7 @@ AGAIN = 10.0
 MakeChecker = Callable[[Description], Checker]
 
 
-_Request = Tuple[
-    ShownRobot, Motion, Callable[["Verdict"], object], Callable[[], object]
-]
+_Request = Tuple[Motion, Callable[["Verdict"], object], Callable[[], object]]
 
 
 class CheckThread:
@@ -56,7 +54,7 @@ class CheckThread:
         self._live: dict[ShownRobot, LiveCheck] = {}
         self._lock = threading.Condition()
         self._states: dict[ShownRobot, RobotState] = {}
-        self._motions: list[_Request] = []
+        self._motions: dict[ShownRobot, _Request] = {}
         threading.Thread(target=self._work, daemon=True).start()
 
     def check_motion(
@@ -66,7 +64,7 @@ class CheckThread:
         then: Callable[[Verdict], object],
         failed: Callable[[], object],
     ) -> None:
-        """Check a motion.
+        """Check a motion, unless another one of the robot comes before.
 
         Args:
             robot: The robot of the motion.
@@ -75,7 +73,7 @@ class CheckThread:
             failed: Called by the UI loop on errors.
         """
         with self._lock:
-            self._motions.append((robot, motion, then, failed))
+            self._motions[robot] = motion, then, failed
             self._lock.notify()
 
     def check_state(self, robot: ShownRobot, state: RobotState) -> None:
@@ -89,9 +87,9 @@ class CheckThread:
         while True:
             with self._lock:
                 self._lock.wait_for(lambda: self._motions or self._states)
-                motions, self._motions = self._motions, []
+                motions, self._motions = self._motions, {}
                 states, self._states = self._states, {}
-            for robot, motion, then, failed in motions:
+            for robot, (motion, then, failed) in motions.items():
                 self._try(partial(self._motion, robot, motion, then), failed)
             for robot, state in states.items():
                 if not self._failure(robot):

@@ -110,6 +110,8 @@ class MotionPanel:
         self._titles: dict[ShownRobot, str] = {}
         self.opened: Callable[[], object] = lambda: None
         """Called when a motion is opened."""
+        self.checked: Callable[[str, Verdict], object] = lambda name, verdict: None
+        """Called with the name of an open motion and its verdict."""
         self._scrub = Scrub(ui)
         self._guard = EditGuard(HELD)
         self._looked = 0.0
@@ -203,18 +205,21 @@ class MotionPanel:
         self._checks.check_motion(
             robot,
             motion,
-            partial(self._checked, robot, motion),
+            partial(self._checked, name, robot, motion),
             self._findings[robot].fail,
         )
         self.opened()
         if self._read_only:
             self._start(player.begin)
 
-    def _checked(self, robot: ShownRobot, motion: Motion, verdict: Verdict) -> None:
+    def _checked(
+        self, name: str, robot: ShownRobot, motion: Motion, verdict: Verdict
+    ) -> None:
         """Show findings, unless another motion was opened meanwhile."""
         if self.motions.get(robot) is motion and self.player is not None:
             span = self.player.begin, self.player.end
             self._findings[robot].show(verdict, span)
+            self.checked(name, verdict)
 
     @property
     def _chosen(self) -> ShownRobot:
@@ -228,6 +233,14 @@ class MotionPanel:
     def _factor(self) -> float:
         """The selected speed."""
         return float(self._speed.value)
+
+    def play(self) -> None:
+        """Play the open motion from its first sample.
+
+        Raises:
+            InvalidValueError: If none is open.
+        """
+        self._start(self._player.begin)
 
     def _start(self, begin: float) -> None:
         """Play from a time; at the end, from the first sample."""

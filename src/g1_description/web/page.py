@@ -15,6 +15,8 @@ from g1_description.robot.state import RobotState
 from g1_description.web.check_thread import CheckThread, MakeChecker
 from g1_description.web.controls import BasePanel, JointPanel, PosePanel
 from g1_description.web.findings_panel import plain
+from g1_description.web.library import Library
+from g1_description.web.library_panel import LibraryPanel
 from g1_description.web.motion_panel import MotionPanel
 from g1_description.web.plots import PlotPanel
 from g1_description.web.robot import ShownRobot, ShownWorld
@@ -53,6 +55,7 @@ class Page:
         world: ShownWorld,
         make_checker: MakeChecker,
         read_only: bool = False,
+        library: Library | None = None,
     ) -> None:
         """Build the page.
 
@@ -61,6 +64,7 @@ class Page:
             world: The robots.
             make_checker: Creates the checker of a robot.
             read_only: Whether the page has no controls.
+            library: Motions to look through; None: none.
         """
         self._server, self._world = server, world
         self.ui = UiLoop(server, world.changed)
@@ -77,6 +81,7 @@ class Page:
         self.watched: Callable[[], int] = lambda: len(server.get_clients())
         """Number of viewers."""
         self._read_only = read_only
+        self._library = library
         self._found: dict[ShownRobot, Verdict] = {}
         self._add_panels()
 
@@ -93,7 +98,12 @@ class Page:
             self._simulator = SimulatorPanel(
                 gui, self.ui, self._world.simulator, self._read_only
             )
+        library, folder = None, None
+        if self._library is not None:
+            library = LibraryPanel(gui, self.ui, self._world, self._library)
         tabs = gui.add_tab_group()
+        if library is not None:
+            folder = tabs.add_tab("Folder")
         if not self._read_only and self._world.can_move:
             for shown in self._shown:
                 title = shown.robot.name if len(self._shown) > 1 else "Robot"
@@ -107,6 +117,9 @@ class Page:
         self._view: ViewPanel | None = None
         self._plots: PlotPanel | None = None
         self.motion.opened = self._on_opened
+        if library is not None and folder is not None:
+            with folder:
+                library.add_list(self.motion)
         if not self._read_only:
             self._add_looks(tabs)
 

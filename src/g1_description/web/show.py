@@ -12,6 +12,7 @@ from g1_description.errors import InvalidValueError
 from g1_description.robot.poses import Pose, with_pose
 from g1_description.web.check_thread import MakeChecker
 from g1_description.web.controls import known
+from g1_description.web.library import Library
 from g1_description.web.page import Page
 from g1_description.web.robot import ShownRobot, ShownWorld
 from g1_description.web.server.address import ServerOptions
@@ -29,6 +30,7 @@ class Show:
         world: ShownWorld,
         options: ServerOptions,
         make_checker: MakeChecker,
+        library: Library | None = None,
     ) -> None:
         """Open the page.
 
@@ -36,6 +38,7 @@ class Show:
             world: The robots.
             options: Who may come in, and where.
             make_checker: Prepares the checks of a robot.
+            library: Motions to look through; None: none.
 
         Raises:
             PageServerError: If the page cannot be opened.
@@ -49,7 +52,9 @@ class Show:
                 "configuration.sh": lambda: configuration_command(first),
             },
         )
-        self.page = Page(self._server.viser, world, make_checker, options.read_only)
+        self.page = Page(
+            self._server.viser, world, make_checker, options.read_only, library
+        )
         self.page.watched = lambda: self._server.browsers
 
     @property

@@ -44,7 +44,7 @@ def _velocities(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
 def _derived(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
     """Compare accelerations or jerks with their bounds."""
     bounds = getattr(measured.robot.thresholds, f"{rule.name}_bounds")
-    accelerations, jerks = measured.once(_derivatives)
+    accelerations, jerks = derivatives(measured.trajectory)
     rates = accelerations if rule is ACCELERATION else jerks
     return _rates(
         rule, measured, measured.spread(rates, np.nan), bounds.of(measured.joint_names)
@@ -104,7 +104,7 @@ def _fractions(
             yield rule.compared(measured, (name,), sizes[:, column], text)
 
 
-def _derivatives(measured: Measured) -> tuple[np.ndarray, np.ndarray]:
+def derivatives(trajectory: Motion) -> tuple[np.ndarray, np.ndarray]:
     """Compute the accelerations and jerks of a motion's samples.
 
     Returns:
@@ -113,7 +113,6 @@ def _derivatives(measured: Measured) -> tuple[np.ndarray, np.ndarray]:
         with the larger acceleration of both sides; else differences of neighbouring
         samples. NaN at the ends, where neighbours are missing.
     """
-    trajectory = measured.trajectory
     times, positions = trajectory.times, trajectory.positions
     acceleration, jerk = np.full((2, *positions.shape), np.nan)
     h, step = np.diff(times)[:, np.newaxis], np.diff(positions, axis=0)
@@ -187,23 +186,21 @@ VELOCITY = Rule(
 ACCELERATION = Rule(
     name="acceleration",
     about="joints whose acceleration exceeds a bound in the file of thresholds",
-    level=Level(None, 1.0),
+    level=Level(1.0, None),
     limit="fraction of acceleration_bounds",
     unit="of the limit",
     find=_derived,
     needs=("neighbours",),
-    requires="a bound",
     skip=lambda robot, motion: _no_bounds(robot, motion, "acceleration_bounds"),
 )
 JERK = Rule(
     name="jerk",
     about="joints whose jerk exceeds a bound in the file of thresholds",
-    level=Level(None, 1.0),
+    level=Level(1.0, None),
     limit="fraction of jerk_bounds",
     unit="of the limit",
     find=_derived,
     needs=("neighbours",),
-    requires="a bound",
     skip=lambda robot, motion: _no_bounds(robot, motion, "jerk_bounds"),
 )
 EFFORT = Rule(

@@ -197,5 +197,23 @@
     addEventListener(name, () => clearTimeout(resting), { capture: true, passive: true });
   }
 
-  window.g1 = { upload, copy, toast };
+  /** Find the button with these words. */
+  function find(words) {
+    const buttons = [...document.querySelectorAll("button")];
+    return buttons.find((button) => button.textContent.trim() === words);
+  }
+
+  /** Press the button with these words. */
+  const press = (words) => find(words)?.click();
+
+  // Keys of the list of motions, where nobody types.
+  const PRESSED = { n: "Next", p: "Previous", k: "Keep", x: "Exclude" };
+  addEventListener("keydown", (event) => {
+    const { key, target, ctrlKey, altKey, metaKey } = event;
+    const types = target.matches?.("input, textarea, select, [contenteditable]");
+    if (types || ctrlKey || altKey || metaKey || !(key in PRESSED)) return;
+    if (find("Undecided")) press(PRESSED[key]);  // else there is no list
+  });
+
+  window.g1 = { upload, copy, press, toast };
 })();

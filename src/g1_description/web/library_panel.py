@@ -1,0 +1,315 @@
+"""The panel of a folder: a list of its motions, and what a person decides on them."""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+import math
+from functools import lru_cache, partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from g1_description.checks.verdict import FAILED, PASSED, WARNING, Verdict
+from g1_description.errors import InvalidValueError
+from g1_description.motion.motion import Motion
+from g1_description.motion.selection import EXCLUDE, KEEP, UNDECIDED
+from g1_description.web.findings_panel import COLORS, plain
+from g1_description.web.library import (
+    BY_RULE,
+    CHECK_FILTERS,
+    CHOICE_FILTERS,
+    RESULT_FILTERS,
+    SORTS,
+    Entry,
+    Library,
+    View,
+)
+from g1_description.web.motion_panel import MotionPanel
+from g1_description.web.robot import ShownRobot, ShownWorld
+from g1_description.web.ui_loop import UiLoop
+
+if TYPE_CHECKING:
+    from viser import GuiApi
+
+ROWS = 8
+"""Rows of the list on one of its pages."""
+
+NUMBERS = tuple(str(number) for number in range(1, ROWS + 1))
+
+THUMBNAIL, PICTURE = 72, 480
+"""Widths of pictures in the list and of the open motion, in [px]."""
+
+MARKS = {KEEP: "&#10003;", EXCLUDE: "&#10007;", BY_RULE: "(&#10007;)", UNDECIDED: ""}
+
+SHOWN = (
+    ("duration", "{:.2f} s"),
+    ("root_path", "path {:.2f} m"),
+    ("root_speed.max", "&le; {:.2f} m/s"),
+    ("joint_speed.max", "&le; {:.1f} rad/s"),
+    ("contact_share", "contact {:.0%}"),
+    ("energy", "{:.0f} J"),
+)
+"""Figures in the list."""
+
+STYLE = """<style>
+.g1-list { margin: 0 .8em .5em; font-size: .8em; line-height: 1.3; }
+.g1-list div { display: flex; gap: .5em; padding: .25em; border-top: 1px solid #8884;
+  cursor: pointer; overflow-wrap: anywhere; }
+.g1-list div.g1-open { background: #228be622; }
+.g1-list img { width: 72px; height: 48px; object-fit: cover; object-position: top;
+  flex: none; }
+.g1-list b { font-weight: 600; } .g1-list small { opacity: .75; display: block; }
+</style>"""
+
+KEYS = "Keys: n next, p previous, k keep, x exclude."
+
+
+class LibraryPanel:
+    """Lists motions, opens them, and writes down what becomes of them."""
+
+    def __init__(
+        self,
+        gui: GuiApi,
+        ui: UiLoop,
+        world: ShownWorld,
+        library: Library,
+    ) -> None:
+        """Add what is there whatever tab is in front.
+
+        Args:
+            gui: Where to.
+            ui: Does what a person wants.
+            world: Reads motions, for its first robot.
+            library: The motions.
+        """
+        self._gui, self._ui, self._world = gui, ui, world
+        self._library = library
+        self._robot: ShownRobot = world.robots[0]
+        self._listed: list[Entry] = []
+        self._open: Entry | None = None
+        self._first = 0
+        """Number of the first row that is shown."""
+        # Keys press these buttons, and viser has no others than those that are seen.
+        self._title = gui.add_markdown("")
+        self._walk = gui.add_button_group("Motion", ["Previous", "Next"], hint=KEYS)
+        self._decide = gui.add_button_group("Choice", ["Keep", "Exclude", "Undecided"])
+        self._ui.on(self._walk, self._step)
+        self._ui.on(self._decide, self._chosen)
+
+    def add_list(self, motion: MotionPanel) -> None:
+        """Add the list, and open its first motion.
+
+        Args:
+            motion: Shows the open motion.
+        """
+        gui, self._motion = self._gui, motion
+        self._note = gui.add_text("Note", "")
+        self._plays = gui.add_checkbox("Play at once", True)
+        with gui.add_folder("Sort and filter", expand_by_default=False):
+            self._sort = gui.add_dropdown("Sort by", SORTS)
+            self._reversed = gui.add_checkbox("Largest first", False)
+            self._text = gui.add_text("Name has", "")
+            self._result = gui.add_dropdown("Result", RESULT_FILTERS)
+            self._check = gui.add_dropdown("Finding", CHECK_FILTERS)
+            self._choice = gui.add_dropdown("Chosen", CHOICE_FILTERS)
+        self._rows = gui.add_html("")
+        self._pick = gui.add_button_group("Open row", NUMBERS)
+        self._turn = gui.add_button_group("List", ["Begin", "Back", "On", "End"])
+        self._picture = gui.add_html("")
+        looks = (self._sort, self._reversed, self._text)
+        for element in (*looks, self._result, self._check, self._choice):
+            self._ui.on(element, self._arrange)
+        self._ui.on(self._note, self._noted)
+        self._ui.on(self._pick, self._picked)
+        self._ui.on(self._turn, self._turned)
+        motion.checked = self._checked
+        self._arrange()
+        if self._listed:
+            self._show(self._listed[0])
+
+    # --- the list ---
+
+    def _arrange(self) -> None:
+        """Sort and filter, and show where the open motion is."""
+        view = View(
+            str(self._text.value).strip(),
+            self._result.value,
+            self._check.value,
+            self._choice.value,
+            self._sort.value,
+            bool(self._reversed.value),
+        )
+        self._listed = self._library.listed(view)
+        self._first = 0
+        self._find_open()
+        self._draw()
+
+    def _find_open(self) -> None:
+        """Turn to the page of the list with the open motion, if it has it."""
+        if self._open in self._listed:
+            self._first = self._listed.index(self._open) // ROWS * ROWS
+
+    def _turned(self) -> None:
+        """Show other rows of the list."""
+        last = max(0, (len(self._listed) - 1) // ROWS * ROWS)
+        to = {"Begin": 0, "Back": self._first - ROWS, "On": self._first + ROWS}
+        self._first = min(max(to.get(self._turn.value, last), 0), last)
+        self._draw()
+
+    def _draw(self) -> None:
+        """Show the rows, at first without pictures that are not read yet."""
+        kept, excluded = self._library.counts()
+        self._title.content = (
+            f"**{len(self._listed)}** of {len(self._library.entries)} motions; "
+            f"{kept} kept, {excluded} excluded"
+        )
+        if self._open is not None:
+            choice = self._library.choice(self._open)
+            self._title.content += f"  \n{plain(self._open.name)}: {choice}"
+        shown = self._listed[self._first : self._first + ROWS]
+        self._ui.wait_for(partial(self._html, shown), partial(self._fill, shown))
+
+    def _fill(self, shown: list[Entry], rows: str) -> None:
+        """Show rows, unless others are wanted meanwhile."""
+        if shown == self._listed[self._first : self._first + ROWS]:
+            self._rows.content = rows
+
+    def _html(self, shown: list[Entry]) -> str:
+        """Write rows in HTML."""
+        rows = [self._row(number, entry) for number, entry in zip(NUMBERS, shown)]
+        return f'{STYLE}<div class="g1-list">{"".join(rows)}</div>'
+
+    def _row(self, number: str, entry: Entry) -> str:
+        """Write a row; a click on it presses the button of its number."""
+        color = {PASSED: "#2f9e44", **COLORS}.get(entry.result, "#868e96")
+        is_open = ' class="g1-open"' if entry is self._open else ""
+        mark, note = MARKS[self._library.choice(entry)], self._library.note(entry)
+        lines = [_figures(entry), _found(entry), html.escape(note)]
+        if entry.excluded_by:
+            lines.append(f"excluded by {html.escape(entry.excluded_by)}")
+        small = "".join(f"<small>{line}</small>" for line in lines if line)
+        return (
+            f"<div{is_open} onclick=\"g1.press('{number}')\">"
+            f"{_image(entry.picture, THUMBNAIL)}<span>{number}. "
+            f"<b>{html.escape(entry.name)}</b> {mark} "
+            f'<span style="color:{color}">{entry.result}</span>{small}</span></div>'
+        )
+
+    # --- the open motion ---
+
+    def _step(self) -> None:
+        """Open the next or the previous motion of the list."""
+        if not self._listed:
+            raise InvalidValueError("No motion is listed: change the filter.")
+        step = 1 if self._walk.value == "Next" else -1
+        if self._open in self._listed:
+            at = self._listed.index(self._open) + step
+        else:  # it was filtered away
+            at = self._first
+        if not 0 <= at < len(self._listed):
+            raise InvalidValueError("There is no other motion in the list.")
+        self._show(self._listed[at])
+
+    def _picked(self) -> None:
+        """Open the motion of a row."""
+        at = self._first + NUMBERS.index(self._pick.value)
+        if at < len(self._listed):
+            self._show(self._listed[at])
+
+    def _show(self, entry: Entry) -> None:
+        """Open a motion."""
+        self._open = entry
+        self._note.value = self._library.note(entry)
+        self._find_open()
+        self._ui.wait_for(partial(self._read, entry), partial(self._opened, entry))
+        self._ui.wait_for(partial(self._image, entry))
+        self._draw()
+
+    def _read(self, entry: Entry) -> Motion | None:
+        """Read a motion, unless another one was chosen meanwhile."""
+        if entry is not self._open:
+            return None
+        return self._world.read(entry.path, self._robot, None)
+
+    def _image(self, entry: Entry) -> None:
+        """Show the picture of the open motion."""
+        image = _image(entry.picture, PICTURE)
+        shown = image.replace("<img", '<img style="width:100%"')
+        self._ui.post("picture", lambda: setattr(self._picture, "content", shown))
+
+    def _opened(self, entry: Entry, motion: Motion | None) -> None:
+        """Show a motion that was read."""
+        if motion is not None and entry is self._open:
+            self._motion.open(entry.name, self._robot, motion)
+            if self._plays.value:
+                self._motion.play()
+
+    def _checked(self, name: str, verdict: Verdict) -> None:
+        """Learn what the page found in a motion that the report does not have."""
+        entry = self._open
+        if entry is not None and entry.name == name and not entry.figures:
+            entry.learn(verdict)
+            self._draw()
+
+    # --- decisions ---
+
+    def _chosen(self) -> None:
+        """Write down what a person decided on the open motion."""
+        choice = str(self._decide.value).lower()
+        self._write(choice=choice)
+
+    def _noted(self) -> None:
+        """Write down a note."""
+        self._write(note=str(self._note.value))
+
+    def _write(self, choice: str | None = None, note: str | None = None) -> None:
+        """Write into the selection."""
+        entry = self._open
+        if entry is None:
+            raise InvalidValueError("No motion is open.")
+        act = partial(self._library.choose, entry, choice, note)
+        self._ui.wait_for(act, lambda _: self._draw())
+
+
+def _figures(entry: Entry) -> str:
+    """Write the figures of a motion that are known."""
+    known = [
+        form.format(entry.figures[name])
+        for name, form in SHOWN
+        if math.isfinite(entry.figures.get(name, math.inf))
+    ]
+    return " &middot; ".join(known)
+
+
+def _found(entry: Entry) -> str:
+    """Write the checks that found something, failures first."""
+    texts = [
+        f'<span style="color:{COLORS[severity]}">{name.replace("_", " ")}</span>'
+        for severity in (FAILED, WARNING)
+        for name, worst in entry.found.items()
+        if worst == severity
+    ]
+    return ", ".join(texts)
+
+
+def _image(path: Path | None, width: int) -> str:
+    """Write a picture in HTML; empty if there is none."""
+    data = _pixels(path, width) if path is not None else ""
+    return f'<img src="data:image/png;base64,{data}" alt="">' if data else ""
+
+
+@lru_cache(maxsize=256)
+def _pixels(path: Path, width: int) -> str:
+    """Read a picture, and make it small."""
+    from PIL import Image
+
+    try:
+        with Image.open(path) as image:
+            small = image.convert("RGB")
+    except (OSError, ValueError, Image.DecompressionBombError):
+        return ""
+    height = max(1, round(width * small.height / small.width))
+    packed = io.BytesIO()
+    small.resize((width, height)).save(packed, "PNG")
+    return base64.b64encode(packed.getvalue()).decode("ascii")
