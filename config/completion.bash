@@ -14,8 +14,8 @@ _g1_description_poses() {
         "${ROS_HOME:-$HOME/.ros}/g1_description/poses.yaml" 2>/dev/null
 }
 
-# Options by command, those without a value, those whose value is a file, and the links of
-# the doctor; tools/tables writes them.
+# Options by command, those without a value, those whose value is a file, the commands of
+# motion, and the links of the doctor; tools/tables writes them.
 declare -gA _g1_description_options
 # table of commands
 _g1_description_options[check]="--against --all --collisions --csv --dask --fixed-base --format --fps --help --html --jobs --json --model --no-visual-hulls --only --order --physics --plot --quiet --selection --shift --thresholds --topic --write-selection"
@@ -40,6 +40,8 @@ _g1_description_rosrun() {
     [[ $COMP_CWORD -ge 3 && ${COMP_WORDS[1]} == g1_description ]] && command=${COMP_WORDS[2]}
     if [[ -z $command || -z ${_g1_description_options[$command]-} ]]; then
         _g1_description_otherwise rosrun "$@"
+    elif [[ $command == motion && $COMP_CWORD == 3 ]]; then
+        mapfile -t COMPREPLY < <(compgen -W "$_g1_description_motion --help" -- "$word")
     elif [[ $command == doctor ]]; then
         _g1_description_doctor "$word" "$before"
     elif [[ $command != pose ]]; then
