@@ -115,7 +115,7 @@ class LibraryPanel:
             self._choice = gui.add_dropdown("Chosen", CHOICE_FILTERS)
         self._rows = gui.add_html("")
         self._pick = gui.add_button_group("Open row", NUMBERS)
-        self._turn = gui.add_button_group("List", ["Begin", "Back", "On", "End"])
+        self._turn = gui.add_button_group("Rows", ["First", "Up", "Down", "Last"])
         self._picture = gui.add_html("")
         looks = (self._sort, self._reversed, self._text)
         for element in (*looks, self._result, self._check, self._choice):
@@ -153,7 +153,7 @@ class LibraryPanel:
     def _turned(self) -> None:
         """Show other rows of the list."""
         last = max(0, (len(self._listed) - 1) // ROWS * ROWS)
-        to = {"Begin": 0, "Back": self._first - ROWS, "On": self._first + ROWS}
+        to = {"First": 0, "Up": self._first - ROWS, "Down": self._first + ROWS}
         self._first = min(max(to.get(self._turn.value, last), 0), last)
         self._draw()
 
