@@ -77,10 +77,11 @@ def test_errors_of_joints_base_and_bodies_are_told_apart(checker):
 
 def test_bodies_are_compared_as_their_places_differ(checker):
     """An oracle by Robot.link_poses, one sample at a time."""
-    reference, executed = waving(TIMES), waving(TIMES * 1.01)
+    reference = waving(TIMES)
+    executed = replace(reference, positions=0.8 * reference.positions)
     found = compare(checker, reference, executed, 0.0)
     distances = []
-    for a, b in zip(reference.positions, _at(executed, TIMES)):
+    for a, b in zip(reference.positions, executed.positions):
         places = [_places(row) for row in (a, b)]
         distances.append(np.linalg.norm(places[1] - places[0], axis=1).mean())
     assert found.bodies_from_root.largest == pytest.approx(max(distances), rel=1e-6)
@@ -111,6 +112,30 @@ def test_feet_that_slip_and_findings_are_told_with_the_errors(checker):
     assert beyond
     assert max(joint for _, joint, _ in beyond) > 1.9
     assert f"left_ankle_roll_link slides {after:.3f} m" in str(found)
+
+
+def test_a_finding_between_the_samples_of_the_reference_is_told(checker):
+    reference = waving(TIMES)
+    times = np.linspace(0.0, 4.0, 401)
+    positions = _at(reference, times)
+    positions[151, reference.joint_names.index(ELBOW)] = 2.5
+    base = np.tile(reference.base_poses[0], (401, 1))
+    executed = replace(reference, times=times, positions=positions, base_poses=base)
+    found = compare(checker, reference, executed, 0.0)
+    told = {(finding.check, finding.subject) for finding, _, _ in found.findings}
+    verdict = checker.check(executed)
+    assert told == {(finding.check, finding.subject) for finding in verdict.findings}
+    assert found.joints[ELBOW].largest > 1.9
+
+
+def test_slip_is_that_of_the_common_time(checker):
+    reference = waving(TIMES)
+    base = reference.base_poses.copy()
+    base[:, 0] += 0.05 * TIMES
+    reference = replace(reference, base_poses=base)
+    half = compare(checker, reference, reference.cut(0.0, 2.0), 0.0)
+    before, after = half.slip["left_ankle_roll_link"]
+    assert before == pytest.approx(after, abs=0.02)
 
 
 def test_motions_without_anything_in_common_are_refused(checker):

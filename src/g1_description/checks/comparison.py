@@ -15,7 +15,7 @@ from g1_description.checks.report import table
 from g1_description.checks.rules.ground import slides
 from g1_description.checks.verdict import Finding, Verdict
 from g1_description.errors import MotionError
-from g1_description.motion.motion import Motion, sample
+from g1_description.motion.motion import SNAP, Motion, sample
 from g1_description.robot.assembly import WORLD, root_in_base
 from g1_description.robot.description import Description
 from g1_description.robot.kinematics import Kinematics
@@ -136,9 +136,13 @@ def _row(name: str, error: Error, unit: str) -> tuple[str, ...]:
 
 
 def compare(
-    checker: Checker, reference: Motion, executed: Motion, shift: float | None = None
+    checker: Checker,
+    reference: Motion,
+    executed: Motion,
+    shift: float | None = None,
+    verdict: Verdict | None = None,
 ) -> Comparison:
-    """Compare an executed motion with its reference.
+    """Compare an executed motion with its reference, at the samples of the former.
 
     Args:
         checker: Of the robot that both motions fit, as by ``fitted``.
@@ -146,6 +150,7 @@ def compare(
         executed: What was measured.
         shift: Time of the executed motion minus that of the reference, in [s]; None:
             the one with the smallest rms error of the joints.
+        verdict: On the reference, if it was checked before.
 
     Raises:
         MotionError: If they have no common joints or times.
@@ -157,7 +162,8 @@ def compare(
     if shift is None:
         shift = find_shift(reference, executed)
     first, last = _overlap(reference, executed, shift)
-    times = reference.times[(reference.times >= first) & (reference.times <= last)]
+    times = executed.times - shift
+    times = times[(times >= first - SNAP) & (times <= last + SNAP)]
     if not times.size:
         raise MotionError("The motions have no common times.")
     wanted, found = sample(reference, times), sample(executed, times + shift)
@@ -174,16 +180,17 @@ def compare(
         base_position = _error(np.linalg.norm(offsets, axis=1), times)
         angles = angle_between(wanted.base_poses[:, 3:], found.base_poses[:, 3:])
         base_angle = _error(angles, times)
-    verdicts = checker.check(reference), checker.check(executed)
-    slips = [_slip(verdict) for verdict in verdicts]
+    verdicts = verdict or checker.check(reference), checker.check(executed)
+    slips = [
+        _slip(each, first + delay, last + delay)
+        for each, delay in zip(verdicts, (0.0, shift))
+    ]
     findings = []
     for finding in verdicts[1].findings:
-        lasts = np.zeros(len(times), dtype=bool)
-        for begin, end in finding.intervals:
-            lasts |= (times + shift >= begin) & (times + shift <= end)
-        if lasts.any():
-            row = float(errors[lasts].max()), float(from_root[lasts].max())
-            findings.append((finding, *row))
+        rows = _rows(finding, times + shift)
+        if rows.size:
+            most = float(errors[rows].max()), float(from_root[rows].max())
+            findings.append((finding, *most))
     return Comparison(
         shift,
         float(times[-1] - times[0]),
@@ -309,12 +316,27 @@ def _error(sizes: np.ndarray, times: np.ndarray) -> Error:
     return Error(rms, float(sizes[row]), float(times[row]))
 
 
-def _slip(verdict: Verdict) -> dict[str, float]:
-    """Integrate the speed of links that slide on the floor, in [m]."""
+def _rows(finding: Finding, times: np.ndarray) -> np.ndarray:
+    """Find the samples nearest to the beginning of a finding's intervals, and within.
+
+    Intervals outside of the compared times, in [s], are left out.
+    """
+    rows = []
+    for begin, end in finding.intervals:
+        if end < times[0] - SNAP or begin > times[-1] + SNAP:
+            continue
+        rows.append(np.array([np.argmin(np.abs(times - begin))]))
+        rows.append(np.flatnonzero((times >= begin) & (times <= end)))
+    return np.concatenate(rows) if rows else np.zeros(0, dtype=int)
+
+
+def _slip(verdict: Verdict, first: float, last: float) -> dict[str, float]:
+    """Integrate the speed of links that slide on the floor between times, in [m]."""
     measured = verdict.measured
     if measured is None or measured.ground is None or len(measured.times) < 2:
         return {}
     speeds = np.nan_to_num(measured.once(slides))
-    steps = np.diff(measured.times)[:, np.newaxis]
+    times = np.clip(measured.times, first, last)
+    steps = np.diff(times)[:, np.newaxis]
     paths = (0.5 * (speeds[1:] + speeds[:-1]) * steps).sum(axis=0)
     return dict(zip(measured.ground_links, paths.tolist()))

@@ -206,10 +206,13 @@ class CheckOptions:
             if file not in (None, STDOUT) and Path(file).suffix.lower() != ending:
                 flag = f"--{name.replace('_', '-')}"
                 raise InvalidValueError(f"{flag} must end in {ending} (got {file})")
-        others = {"csv": self.csv, "plot": self.plot, "html": self.html}
-        unfit = [f"--{name}" for name, value in others.items() if value is not None]
+        if self.shift is not None and self.against is None:
+            raise InvalidValueError("--shift needs --against")
+        names = ("csv", "plot", "html", "write_selection", "dask", "only", "quiet")
+        unfit = [f"--{name.replace('_', '-')}" for name in names if getattr(self, name)]
+        unfit += ["--jobs"] if self.jobs > 1 else []
         if self.against is not None and unfit:
-            raise InvalidValueError(f"--against cannot write {listed(unfit)}")
+            raise InvalidValueError(f"--against cannot be combined with {unfit[0]}")
         if self.json == self.csv == STDOUT:
             raise InvalidValueError("--json and --csv cannot both write to stdout")
 

@@ -12,6 +12,7 @@ from g1_description.checks.report import FileResult, table
 from g1_description.cli.motion_paths import MotionFiles, motion_files
 from g1_description.command_line import say
 from g1_description.errors import G1DescriptionError, InvalidValueError
+from g1_description.motion.files.source import split
 
 HEAD = ("", "shift", "joints", "bodies", "from the root", "largest slip", "")
 
@@ -35,18 +36,23 @@ def comparisons(
         InvalidValueError: If the folder has no motions.
     """
     references = _references(against) if against.is_dir() else {}
+    read: Path | None = None
     for task in files.tasks:
-        path = references.get(task.path.stem) if references else against
+        path = references.get(_name(task.path)) if references else against
         if path is None:
-            yield task.name, f"there is no {task.path.stem}.* in {against}"
+            yield task.name, f"there is no {_name(task.path)} in {against}"
             continue
-        motions = [checker.read(str(p), p) for p in (path, task.path)]
-        problems = [m.problem for m in motions if isinstance(m, FileResult)]
-        if problems:
-            yield task.name, problems[0]
+        if path != read:
+            read, reference, verdict = path, checker.read(str(path), path), None
+        executed = checker.read(task.name, task.path)
+        if isinstance(reference, FileResult) or isinstance(executed, FileResult):
+            each = reference if isinstance(reference, FileResult) else executed
+            yield task.name, each.problem  # type: ignore[union-attr]
             continue
         try:
-            yield task.name, compare(checker.checker, *motions, shift)  # type: ignore
+            verdict = verdict or checker.checker.check(reference)
+            found = compare(checker.checker, reference, executed, shift, verdict)
+            yield task.name, found
         except G1DescriptionError as error:
             yield task.name, str(error)
 
@@ -54,14 +60,21 @@ def comparisons(
 def _references(folder: Path) -> Mapping[str, Path]:
     """Find the references below a folder, by name without extension."""
     found: dict[str, Path] = {}
-    for task in motion_files([folder]).tasks:
-        if task.path.stem in found:
+    for task in motion_files([folder], every=True).tasks:
+        name = _name(task.path)
+        if name in found:
             raise InvalidValueError(
-                f"{folder} has two motions called {task.path.stem}: "
-                f"{found[task.path.stem]} and {task.path}."
+                f"{folder} has two motions called {name}: {found[name]} and "
+                f"{task.path}."
             )
-        found[task.path.stem] = task.path
+        found[name] = task.path
     return found
+
+
+def _name(path: Path) -> str:
+    """Name a motion by its file without extension, and its name in the file."""
+    file, name = split(path)
+    return file.stem if name is None else f"{file.stem}#{name}"
 
 
 def print_comparisons(found: Sequence[tuple[str, Comparison | str]]) -> None:
