@@ -22,7 +22,11 @@ def main():
     """Print a row for each motion, and those of all together."""
     parser = argparse.ArgumentParser(prog="tools/joint_rates", description=__doc__)
     parser.add_argument("motions", nargs="+", type=Path, metavar="FILE")
-    parser.add_argument("--fps", type=float, help="of files without times; default: 30")
+    parser.add_argument(
+        "--fps",
+        type=float,
+        help="of files without times",
+    )
     args = parser.parse_args()
     robot = Robot()
     motions = [robot.read_motion(path, rate=args.fps) for path in args.motions]

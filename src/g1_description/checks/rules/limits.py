@@ -44,11 +44,16 @@ def _velocities(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
 def _derived(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
     """Compare accelerations or jerks with their bounds."""
     bounds = getattr(measured.robot.thresholds, f"{rule.name}_bounds")
-    accelerations, jerks = derivatives(measured.trajectory)
+    accelerations, jerks = measured.once(_derivatives)
     rates = accelerations if rule is ACCELERATION else jerks
     return _rates(
         rule, measured, measured.spread(rates, np.nan), bounds.of(measured.joint_names)
     )
+
+
+def _derivatives(measured: Measured) -> tuple[np.ndarray, np.ndarray]:
+    """Compute accelerations and jerks at the motion's samples."""
+    return derivatives(measured.trajectory)
 
 
 def _rates(
