@@ -3,6 +3,7 @@
 import json
 import pickle
 import re
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -50,11 +51,11 @@ def test_folders_are_compared_by_name_in_a_table_and_as_json(folder, capsys):
     a, b = json.loads(capsys.readouterr().out)
     assert a["shift"] == pytest.approx(0.2, abs=0.02)
     assert a["joints"]["arm_joint"]["rms"] == pytest.approx(0.01, rel=0.2)
-    assert b == {"file": "runs/b.csv", "problem": "there is no b in wanted"}
+    assert b == {"file": "runs/b.csv", "problem": "no motion is called b in wanted"}
     assert run(*words, "out.json") == MISUSE
     lines = capsys.readouterr().out.splitlines()
     assert lines[1].split()[:2] == ["runs/a.csv", f"{a['shift']:+.3f}"]
-    assert "there is no b " in lines[2]
+    assert "no motion is called b in wanted" in lines[2]
 
 
 def test_motions_in_files_of_several_are_paired_by_their_names(folder, capsys):
@@ -75,6 +76,23 @@ def test_motions_in_files_of_several_are_paired_by_their_names(folder, capsys):
     assert run(*words, "--json", "-") == 0
     found = json.loads(capsys.readouterr().out)
     assert [row["file"] for row in found] == ["runs/lib.pkl#x", "runs/lib.pkl#y"]
+
+
+def test_motions_of_the_same_name_are_paired_by_their_folders(folder, capsys):
+    for place in ("wanted", "runs"):
+        for below in ("x", "y"):
+            (folder / place / below).mkdir()
+            shutil.copy(folder / place / "a.csv", folder / place / below)
+        (folder / place / "a.csv").unlink()
+    still = post_motion(0.0)
+    (folder / "wanted/y/a.csv").unlink()
+    (folder / "wanted/y/a.csv").write_bytes(table.write(still, None, None)[0])
+    words = ["--model", "post.urdf", "--shift", "0.2", "--against", "wanted", "--json"]
+    assert run(*words, "-", "runs/x", "runs/y") == 0
+    x, y = json.loads(capsys.readouterr().out)
+    assert x["joints"]["arm_joint"]["rms"] == pytest.approx(0.01)
+    assert y["joints"]["arm_joint"]["rms"] > 0.1
+    assert run(*words, "-", "runs/b.csv") == MISUSE
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from g1_description.checks.report import table
 from g1_description.checks.rules.ground import slides
 from g1_description.checks.verdict import Finding, Verdict
 from g1_description.errors import MotionError
-from g1_description.motion.motion import SNAP, Motion, sample
+from g1_description.motion.motion import SNAP, Motion, Sample, sample
 from g1_description.robot.assembly import WORLD, root_in_base
 from g1_description.robot.description import Description
 from g1_description.robot.kinematics import Kinematics
@@ -140,7 +140,6 @@ def compare(
     reference: Motion,
     executed: Motion,
     shift: float | None = None,
-    verdict: Verdict | None = None,
 ) -> Comparison:
     """Compare an executed motion with its reference, at the samples of the former.
 
@@ -150,7 +149,6 @@ def compare(
         executed: What was measured.
         shift: Time of the executed motion minus that of the reference, in [s]; None:
             the one with the smallest rms error of the joints.
-        verdict: On the reference, if it was checked before.
 
     Raises:
         MotionError: If they have no common joints or times.
@@ -180,13 +178,13 @@ def compare(
         base_position = _error(np.linalg.norm(offsets, axis=1), times)
         angles = angle_between(wanted.base_poses[:, 3:], found.base_poses[:, 3:])
         base_angle = _error(angles, times)
-    verdicts = verdict or checker.check(reference), checker.check(executed)
+    # Both at the same times, as what counts as sliding depends on the rate.
     slips = [
-        _slip(each, first + delay, last + delay)
-        for each, delay in zip(verdicts, (0.0, shift))
+        _slip(checker.check(_at(motion, samples, times), ["skating"]))
+        for motion, samples in ((reference, wanted), (executed, found))
     ]
     findings = []
-    for finding in verdicts[1].findings:
+    for finding in checker.check(executed).findings:
         rows = _rows(finding, times + shift)
         if rows.size:
             most = float(errors[rows].max()), float(from_root[rows].max())
@@ -330,13 +328,23 @@ def _rows(finding: Finding, times: np.ndarray) -> np.ndarray:
     return np.concatenate(rows) if rows else np.zeros(0, dtype=int)
 
 
-def _slip(verdict: Verdict, first: float, last: float) -> dict[str, float]:
-    """Integrate the speed of links that slide on the floor between times, in [m]."""
+def _at(motion: Motion, found: Sample, times: np.ndarray) -> Motion:
+    """Make a motion of samples that were taken of it, with their times in [s]."""
+    return replace(
+        motion,
+        times=times,
+        positions=found.positions,
+        velocities=None,
+        base_poses=found.base_poses,
+    )
+
+
+def _slip(verdict: Verdict) -> dict[str, float]:
+    """Integrate the speed of links that slide on the floor, in [m]."""
     measured = verdict.measured
     if measured is None or measured.ground is None or len(measured.times) < 2:
         return {}
     speeds = np.nan_to_num(measured.once(slides))
-    times = np.clip(measured.times, first, last)
-    steps = np.diff(times)[:, np.newaxis]
+    steps = np.diff(measured.times)[:, np.newaxis]
     paths = (0.5 * (speeds[1:] + speeds[:-1]) * steps).sum(axis=0)
     return dict(zip(measured.ground_links, paths.tolist()))

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from g1_description.checks.batch import FileChecker
@@ -11,7 +12,8 @@ from g1_description.checks.comparison import Comparison, compare
 from g1_description.checks.report import FileResult, table
 from g1_description.cli.motion_paths import MotionFiles, motion_files
 from g1_description.command_line import say
-from g1_description.errors import G1DescriptionError, InvalidValueError
+from g1_description.errors import G1DescriptionError
+from g1_description.motion.files.formats import is_motion_folder
 from g1_description.motion.files.source import split
 
 HEAD = ("", "shift", "joints", "bodies", "from the root", "largest slip", "")
@@ -35,40 +37,57 @@ def comparisons(
     Raises:
         InvalidValueError: If the folder has no motions.
     """
-    references = _references(against) if against.is_dir() else {}
-    read: Path | None = None
+    references = Pairs(against)
     for task in files.tasks:
-        path = references.get(_name(task.path)) if references else against
-        if path is None:
-            yield task.name, f"there is no {_name(task.path)} in {against}"
+        found = references.of(task.path)
+        if isinstance(found, str):
+            yield task.name, found
             continue
-        if path != read:
-            read, reference, verdict = path, checker.read(str(path), path), None
+        reference = checker.read(str(found), found)
         executed = checker.read(task.name, task.path)
         if isinstance(reference, FileResult) or isinstance(executed, FileResult):
             each = reference if isinstance(reference, FileResult) else executed
             yield task.name, each.problem  # type: ignore[union-attr]
             continue
         try:
-            verdict = verdict or checker.checker.check(reference)
-            found = compare(checker.checker, reference, executed, shift, verdict)
-            yield task.name, found
+            yield task.name, compare(checker.checker, reference, executed, shift)
         except G1DescriptionError as error:
             yield task.name, str(error)
 
 
-def _references(folder: Path) -> Mapping[str, Path]:
-    """Find the references below a folder, by name without extension."""
-    found: dict[str, Path] = {}
-    for task in motion_files([folder], every=True).tasks:
-        name = _name(task.path)
-        if name in found:
-            raise InvalidValueError(
-                f"{folder} has two motions called {name}: {found[name]} and "
-                f"{task.path}."
-            )
-        found[name] = task.path
-    return found
+class Pairs:
+    """References by their paths and names."""
+
+    def __init__(self, against: Path) -> None:
+        """Find the references.
+
+        Args:
+            against: The only one, or a folder with some below it.
+
+        Raises:
+            InvalidValueError: If the folder has no motions.
+        """
+        self._against, self._by_name = against, defaultdict(list)
+        if against.is_dir() and not is_motion_folder(against):
+            for task in motion_files([against], every=True).tasks:
+                self._by_name[_name(task.path)].append(task.path)
+
+    def of(self, executed: Path) -> Path | str:
+        """Return the reference of an executed motion, or why there is none."""
+        if not self._by_name:
+            return self._against
+        found = self._by_name.get(_name(executed), [])
+        near = [_common(path, executed) for path in found]
+        if not found or near.count(max(near)) > 1:
+            how = "several motions are" if found else "no motion is"
+            return f"{how} called {_name(executed)} in {self._against}"
+        return found[near.index(max(near))]
+
+
+def _common(one: Path, other: Path) -> int:
+    """Count the folders above two files that have the same names, from the files up."""
+    pairs = zip(reversed(one.parts[:-1]), reversed(other.parts[:-1]))
+    return next((n for n, (a, b) in enumerate(pairs) if a != b), 10**6)
 
 
 def _name(path: Path) -> str:
