@@ -22,6 +22,7 @@ from g1_description.motion.files.conventions import (
 )
 from g1_description.motion.files.formats import motion_names, read_motion, write_motion
 from g1_description.motion.files.pickles import read_pickle
+from g1_description.motion.files.torch_files import read_torch
 from g1_description.motion.motion import Motion
 from g1_description.robot.load import read_model
 
@@ -335,6 +336,12 @@ def test_one_of_several_motions_is_chosen_by_its_name(g1, file_name):
         np.testing.assert_allclose(motion.base_poses[:, :3], wanted[:, :3], atol=1e-6)
 
 
+@pytest.mark.parametrize("rows", [[np.array(1.0)], [[0.0] * 35, np.array(1.0)]])
+def test_frames_that_are_no_rows_are_told(g1, file, rows):
+    with pytest.raises(MotionError, match=r"frames must (be rows|contain numbers)"):
+        read_motion(file(pickle.dumps({**framed(), "frames": rows})), g1)
+
+
 def test_a_file_without_names_has_no_motion_of_a_name(g1, file):
     path = file(pickle.dumps(gmr()))
     with pytest.raises(MotionError, match="no motions with names"):
@@ -425,6 +432,14 @@ def test_keyframes_without_times_are_poses_or_have_a_rate(g1, file):
 def test_a_policy_without_a_reference_is_told(g1, file, content, words):
     with pytest.raises(MotionError, match=words):
         read_motion(file(content(), "policy.onnx"), g1)
+
+
+def test_text_of_numpy_and_sizes_of_torch_are_read():
+    names = [*np.array(["a", "left_knee_joint"])]
+    for protocol in (2, 4):
+        assert read_pickle(pickle.dumps({"names": names}, protocol))["names"] == names
+    size = b"ctorch\nSize\n" + opcodes(((2, 3),)) + b"R"
+    assert [*read_torch(torch_saved({"size": size}, {}))["size"]] == [2, 3]
 
 
 def test_numpys_new_names_and_protocol_5_are_read():
