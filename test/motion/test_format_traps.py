@@ -402,6 +402,18 @@ def test_pyroki_and_npy_may_have_a_rate(g1, file):
     )
 
 
+@pytest.mark.parametrize(
+    "name, rate",
+    [("a_000hz", 120), ("a_1000hz", 1000), ("a_025_Hz", 25), ("a_000123_jpos", 120)],
+)
+def test_a_rate_in_the_name_of_a_file_counts(g1, file, name, rate):
+    stream = io.BytesIO()
+    np.save(stream, configurations()[:, [0, 1, 2, 4, 5, 6, 3, *range(7, 36)]])
+    motion = read_motion(file(stream.getvalue(), f"{name}.npy"), g1)
+    assert motion.times[1] == 1.0 / rate
+    assert f"assuming {rate} Hz" in motion.notes[0]
+
+
 def test_an_option_that_decides_nothing_is_told(g1, file):
     path = file(npz(qpos=configurations(), fps=30))
     assert "--order is ignored" in notes_of(path, g1, order="xyzw")

@@ -65,7 +65,10 @@ COMPRESSED: Mapping[bytes, Callable[[], Any]] = {
 }
 """Decompressors by first bytes: of zlib, gzip, bz2, xz and lzma."""
 
-RATE_IN_NAME = re.compile(r"_(\d{1,3})(?:_?hz|_jpos)(?![a-z0-9])", re.IGNORECASE)
+RATE_IN_NAME = re.compile(
+    r"_(?=\d{1,6}_?hz|\d{1,3}_jpos)0*([1-9]\d*)(?:_?hz|_jpos)(?![a-z0-9])",
+    re.IGNORECASE,
+)
 """A rate in the name of a file, such as ``walk.bvh_60hz.csv``."""
 
 GIT_LFS = "version https://git-lfs."
