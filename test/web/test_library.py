@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from checked import POST, write_motions
 
@@ -121,6 +122,15 @@ def test_a_choice_is_written_beside_those_of_others(folder):
         ("report.json", '{"files": [1]}'),
         ("report.json", '{"files": [{"findings": [1]}]}'),
         ("report.json", "{"),
+        pytest.param("report.json", "[" * 100_000, id="nested"),
+        ("report.json", '{"files": [{"result": "failed"}]}'),
+        ("report.json", '{"files": [{"file": ["motion1.csv"]}]}'),
+        ("report.json", '{"files": [{"file": "motion1.csv", "picture": 1}]}'),
+        (
+            "report.json",
+            '{"files": [{"file": "motion1.csv", "figures": {"duration": [1]}}]}',
+        ),
+        ("report.csv", "result,file\nfailed\n"),
     ],
 )
 def test_what_is_no_report_is_told(folder, name, text):
@@ -128,6 +138,14 @@ def test_what_is_no_report_is_told(folder, name, text):
     path.write_text(text, encoding="latin-1")
     with pytest.raises(InvalidValueError, match=f"{name} is no report as check writes"):
         library(folder, path)
+
+
+def test_a_figure_that_is_too_large_is_infinite(folder):
+    path = folder / "report.json"
+    figures = f'{{"duration": 1{"0" * 400}}}'
+    one = f'{{"file": "motion1.csv", "result": "passed", "figures": {figures}}}'
+    path.write_text(f'{{"files": [{one}]}}')
+    assert library(folder, path).entries[2].figures["duration"] == np.inf
 
 
 def test_a_missing_report_is_told(folder):

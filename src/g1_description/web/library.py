@@ -175,6 +175,11 @@ class Library:
 
 NO_REPORT = "{} is no report as check writes it, with --csv or --json."
 
+NOT_AS_WRITTEN = (
+    *(csv.Error, ValueError, LookupError, TypeError, AttributeError, RecursionError),
+)
+"""Errors of reading something else."""
+
 
 def _json_rows(file: TextIO) -> list[dict[str, Any]]:
     """Read a report with all findings, and leave what its table has."""
@@ -205,18 +210,16 @@ def _read_report(path: Path, folder: Path, entries: Mapping[str, Entry]) -> None
         with path.open(encoding="utf-8", newline="") as file:
             is_json = path.suffix.lower() == ".json"
             rows = _json_rows(file) if is_json else list(csv.DictReader(file))
+        files = [PurePath(row["file"]).parts for row in rows]
+        prefix = _prefix(files, folder, entries)
+        for row, parts in zip(rows, files):
+            entry = entries.get("/".join(parts[len(prefix) :]))
+            if entry is not None and parts[: len(prefix)] == prefix:
+                _fill(entry, row, path)
     except OSError as error:
         raise InvalidValueError(f"{path} cannot be read: {error.strerror}.") from error
-    except (csv.Error, ValueError, LookupError, TypeError, AttributeError) as error:
+    except NOT_AS_WRITTEN as error:
         raise InvalidValueError(NO_REPORT.format(path)) from error
-    if rows and not {"file", "result"} <= rows[0].keys():
-        raise InvalidValueError(NO_REPORT.format(path))
-    files = [PurePath(row["file"]).parts for row in rows]
-    prefix = _prefix(files, folder, entries)
-    for row, parts in zip(rows, files):
-        entry = entries.get("/".join(parts[len(prefix) :]))
-        if entry is not None and parts[: len(prefix)] == prefix:
-            _fill(entry, row, path)
 
 
 def _prefix(
@@ -252,6 +255,6 @@ def _number(given: Any) -> float:
     """Read a figure; NaN would spoil the order."""
     try:
         value = float(given)
-    except ValueError:
+    except (ValueError, OverflowError):
         return math.inf
     return math.inf if math.isnan(value) else value
