@@ -292,6 +292,15 @@ def test_what_others_write_is_read(g1, file, name):
 
 
 @pytest.mark.parametrize("name", WHOLE)
+def test_an_order_turns_quaternions_or_is_told_as_ignored(g1, file, name):
+    path = given(file, name, WHOLE[name]())
+    xyzw, wxyz = (read_motion(path, g1, order=order) for order in ("xyzw", "wxyz"))
+    is_turned = not np.array_equal(xyzw.base_poses, wxyz.base_poses)
+    assert is_turned != ("--order is ignored" in " ".join(wxyz.notes))
+    assert is_turned != ("--order is ignored" in " ".join(xyzw.notes))
+
+
+@pytest.mark.parametrize("name", WHOLE)
 def test_a_damaged_file_is_read_or_refused_in_a_sentence(g1, file, name):
     whole = WHOLE[name]()
     whole = whole.encode() if isinstance(whole, str) else whole
@@ -325,6 +334,7 @@ def test_one_of_several_motions_is_chosen_by_its_name(g1, file_name):
     with pytest.raises(MotionError, match="has several motions: ") as error:
         read_motion(path, g1)
     assert all(name in str(error.value) for name in names)
+    assert "(check and motion: --all)" in str(error.value)
     with pytest.raises(MotionError, match="There is no motion 'jump'; "):
         read_motion(Path(f"{path}#jump"), g1)
     truth = np.loadtxt(FOLDER / about["truth"], delimiter=",")

@@ -78,8 +78,11 @@ FORMATS: Mapping[str, ModuleType] = {
 """Formats by name. The first one that recognises a file reads it; a table is any other
 text."""
 
-ORDER_OPEN = (table, npy_table, gmr)
-"""Formats of which publishers disagree on the order of quaternions."""
+ORDER_OPEN = (
+    *(table, npy_table, gmr, motion_library, phuma, amp_dataset, protomotions),
+)
+"""Formats of which publishers disagree on the order of quaternions, so that they read
+``order``."""
 
 ENDINGS = tuple(
     sorted({ending for module in FORMATS.values() for ending in module.ENDINGS})
