@@ -334,7 +334,7 @@ class MotionSource:
             raise MotionError("The file has no motions.")
         raise MotionError(
             f"The file has several motions: {listed(names)}. Choose one, such as "
-            f"'{self.path.name}#{names[0][:MAX_NAME]}', or take --all."
+            f"'{self.path.name}#{names[0][:MAX_NAME]}' (check and motion: --all)."
         )
 
     def timed(self, motion: Motion, usual: float, why: str) -> Motion:
