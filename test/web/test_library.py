@@ -113,6 +113,23 @@ def test_a_choice_is_written_beside_those_of_others(folder):
 
 
 @pytest.mark.parametrize(
+    ("others", "choices", "counts"),
+    [
+        ("exclude", ["exclude", "keep", "exclude", "exclude"], (1, 3)),
+        ("keep", ["undecided", "keep", BY_RULE, "undecided"], (1, 0)),
+    ],
+)
+def test_the_choice_for_all_others_is_no_motion(folder, others, choices, counts):
+    text = f'"*": {others}\nmotion0.csv: keep\nmotion2.csv: {{note: look again}}\n'
+    (folder / FILE).write_text(text)
+    found = library(folder, report(folder, "motions"))
+    assert [found.choice(entry) for entry in found.entries] == choices
+    assert found.counts() == counts
+    excluded = found.listed(View(choice="exclude"))
+    assert len(excluded) == counts[1]
+
+
+@pytest.mark.parametrize(
     ("name", "text"),
     [
         ("report.csv", "a,b\n1,2\n"),

@@ -17,7 +17,15 @@ from g1_description.checks.report import NO_MOTION, RESULTS
 from g1_description.checks.rules import RULES
 from g1_description.checks.verdict import COUNTS, FAILED, FIGURES, WARNING, Verdict
 from g1_description.errors import InvalidValueError
-from g1_description.motion.selection import CHOICES, EXCLUDE, KEEP, UNDECIDED, Selection
+from g1_description.motion.selection import (
+    CHOICES,
+    EXCLUDE,
+    KEEP,
+    OTHERS,
+    UNDECIDED,
+    Choice,
+    Selection,
+)
 
 REPORTS = ("report.csv", "report.json")
 """Usual names of the report, in the folder of the motions."""
@@ -142,6 +150,8 @@ class Library:
     def choice(self, entry: Entry) -> str:
         """Return one of ``CHOICE_FILTERS``: a person's choice, or that of a rule."""
         chosen = self.selection.of(entry.path).choice
+        if chosen == UNDECIDED and not self.selection.keeps(entry.path):
+            return EXCLUDE  # as all others
         is_by_rule = chosen == UNDECIDED and entry.excluded_by
         return BY_RULE if is_by_rule else chosen
 
@@ -169,7 +179,11 @@ class Library:
 
     def counts(self) -> tuple[int, int]:
         """Return how many motions the selection keeps and excludes, by their names."""
-        chosen = Counter(c.choice for c in self.selection.choices.values())
+        choices = dict(self.selection.choices)
+        others = choices.pop(OTHERS, Choice())
+        chosen = Counter(found.choice for found in choices.values())
+        if others.choice == EXCLUDE:
+            return chosen[KEEP], max(0, len(self.entries) - chosen[KEEP])
         return chosen[KEEP], chosen[EXCLUDE]
 
 
