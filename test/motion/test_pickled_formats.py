@@ -5,6 +5,7 @@ import json
 import pickle
 import pickletools
 import struct
+import sys
 import zipfile
 import zlib
 from pathlib import Path
@@ -350,6 +351,25 @@ def test_one_of_several_motions_is_chosen_by_its_name(g1, file_name):
 def test_frames_that_are_no_rows_are_told(g1, file, rows):
     with pytest.raises(MotionError, match=r"frames must (be rows|contain numbers)"):
         read_motion(file(pickle.dumps({**framed(), "frames": rows})), g1)
+
+
+def test_motions_of_a_large_library_are_read_as_fast_as_of_a_small_one(g1, file):
+    """What is found in a file is kept for all its motions, until it changes."""
+    counts = []
+    for size in (2, 2000):
+        content = pickle.dumps({f"m{n}": entry() for n in range(size)})
+        path = Path(f"{file(content)}#m1")
+        read_motion(path, g1)
+        steps = []
+        sys.setprofile(lambda _, event, what, steps=steps: steps.append(event))
+        try:
+            read_motion(path, g1)
+        finally:
+            sys.setprofile(None)
+        counts.append(len(steps))
+    assert counts[1] < 1.1 * counts[0]
+    with pytest.raises(MotionError, match="has no motions with names"):
+        read_motion(Path(f"{file(pickle.dumps(gmr()))}#m1"), g1)
 
 
 def test_a_file_without_names_has_no_motion_of_a_name(g1, file):

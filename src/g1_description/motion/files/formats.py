@@ -235,10 +235,13 @@ def _format(source: MotionSource, name: str | None = None) -> ModuleType:
         if not FORMATS[name].recognise(source):
             raise MotionError(f"The file is not of the format {name}.")
         return FORMATS[name]
-    for module in FORMATS.values():
-        if module.recognise(source):
-            return module
-    raise MotionError(_problem(source))
+    whole = source if source.name is None else source.whole
+    if whole.format is None:
+        found = (module for module in FORMATS.values() if module.recognise(whole))
+        whole.format = next(found, None)
+    if whole.format is None:
+        raise MotionError(_problem(whole))
+    return whole.format
 
 
 def _problem(source: MotionSource) -> str:
