@@ -333,6 +333,10 @@ def test_the_base_of_tracking_is_the_body_of_its_name(g1, file):
     assert motion.velocities is None  # zeros, though the elbow moves
     named = npz(**arrays, body_names=np.array(["world", "pelvis"]))
     assert read_motion(file(named), g1).base_poses[0, 2] == 0.78
+    lacking = npz(**arrays, body_names=np.array(["world", "torso_link"]))
+    assert "lack the base, pelvis: assuming the first one, world." in notes_of(
+        file(lacking), g1
+    )
 
 
 def amp(bodies=("left_knee_link", "pelvis")):

@@ -454,7 +454,10 @@ def test_keyframes_without_times_are_poses_or_have_a_rate(g1, file):
     "content, words",
     [
         (lambda: policy(outputs=()), "outputs actions, but not joint_pos, body_pos_w"),
-        (lambda: policy(body="head_link"), "does not track pelvis"),
+        (
+            lambda: policy(body="head_link"),
+            "lack the base, pelvis: head_link",
+        ),
         (lambda: field(1, 8) + b"\x7f" * 30, "damaged, or is none"),
         (lambda: policy().replace(b"Gather", b"MatMul"), "not taken from an array"),
     ],
