@@ -333,6 +333,10 @@ def test_the_base_of_tracking_is_the_body_of_its_name(g1, file):
     assert motion.velocities is None  # zeros, though the elbow moves
     named = npz(**arrays, body_names=np.array(["world", "pelvis"]))
     assert read_motion(file(named), g1).base_poses[0, 2] == 0.78
+    lacking = npz(**arrays, body_names=np.array(["world", "torso_link"]))
+    assert "lack the base, pelvis: assuming the first one, world." in notes_of(
+        file(lacking), g1
+    )
 
 
 def amp(bodies=("left_knee_link", "pelvis")):
@@ -400,6 +404,18 @@ def test_pyroki_and_npy_may_have_a_rate(g1, file):
     assert "assuming 120 Hz, the usual rate of AMASS" in notes_of(
         file(stream.getvalue(), "walk.npy"), g1
     )
+
+
+@pytest.mark.parametrize(
+    "name, rate",
+    [("a_000hz", 120), ("a_1000hz", 1000), ("a_025_Hz", 25), ("a_000123_jpos", 120)],
+)
+def test_a_rate_in_the_name_of_a_file_counts(g1, file, name, rate):
+    stream = io.BytesIO()
+    np.save(stream, configurations()[:, [0, 1, 2, 4, 5, 6, 3, *range(7, 36)]])
+    motion = read_motion(file(stream.getvalue(), f"{name}.npy"), g1)
+    assert motion.times[1] == 1.0 / rate
+    assert f"assuming {rate} Hz" in motion.notes[0]
 
 
 def test_an_option_that_decides_nothing_is_told(g1, file):

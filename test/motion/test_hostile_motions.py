@@ -83,6 +83,25 @@ def torch(shape, stride):
     return zipped({"a/data.pkl": b"\x80\x02}(" + items + b"u.", "a/data/0": bytes(4)})
 
 
+def of_size():
+    """Make a file of torch with a list of one number, a billion times."""
+    place = b"((X\x07\0\0\0storagectorch\nFloatStorage\nX\x01\0\0\x000NK\x01tQ"
+    numbers = b"".join(whole_number(part) for part in (0, (10**9,), (0,)))
+    tensor = b"ctorch._utils\n_rebuild_tensor_v2\n" + place + numbers + b"tR"
+    content = b"\x80\x02ctorch\nSize\n" + tensor + b"\x85R."
+    return zipped({"a/data.pkl": content, "a/data/0": bytes(4)})
+
+
+def of_scalars():
+    """Copy 90 MB of text a hundred times, packed."""
+    size = 90_000_000
+    begin = b"\x80\x04](cnumpy.core.multiarray\nscalar\nq\x01cnumpy\ndtype\n"
+    kind = text(f"S{size}") + b"\x85Rq\x02"
+    content = b"B" + struct.pack("<I", size) + b"x" * size + b"q\x03"
+    copies = b"h\x01h\x02h\x03\x86R" * 100
+    return zlib.compress(begin + kind + content + copies + b"e.", 1)
+
+
 def of_dictionary():
     """Make a file of lzma that needs 1.5 GB to be read."""
     content = bytearray(lzma.compress(bytes(1000), lzma.FORMAT_ALONE))
@@ -186,6 +205,8 @@ HOSTILE = {
         "cannot be read: STACK_GLOBAL requires str",
     ),
     "encoding": (of_encoding, "too large"),
+    "scalars": (of_scalars, "too large"),
+    "size of torch": (of_size, "a size that is not a tuple"),
     "many steps": (
         lambda: b"\x80\x02](" + b"N" * 50_000_000,
         "more than 2000000 opcodes",

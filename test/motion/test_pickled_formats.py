@@ -5,6 +5,7 @@ import json
 import pickle
 import pickletools
 import struct
+import sys
 import zipfile
 import zlib
 from pathlib import Path
@@ -22,6 +23,7 @@ from g1_description.motion.files.conventions import (
 )
 from g1_description.motion.files.formats import motion_names, read_motion, write_motion
 from g1_description.motion.files.pickles import read_pickle
+from g1_description.motion.files.torch_files import read_torch
 from g1_description.motion.motion import Motion
 from g1_description.robot.load import read_model
 
@@ -291,6 +293,15 @@ def test_what_others_write_is_read(g1, file, name):
 
 
 @pytest.mark.parametrize("name", WHOLE)
+def test_an_order_turns_quaternions_or_is_told_as_ignored(g1, file, name):
+    path = given(file, name, WHOLE[name]())
+    xyzw, wxyz = (read_motion(path, g1, order=order) for order in ("xyzw", "wxyz"))
+    is_turned = not np.array_equal(xyzw.base_poses, wxyz.base_poses)
+    assert is_turned != ("--order is ignored" in " ".join(wxyz.notes))
+    assert is_turned != ("--order is ignored" in " ".join(xyzw.notes))
+
+
+@pytest.mark.parametrize("name", WHOLE)
 def test_a_damaged_file_is_read_or_refused_in_a_sentence(g1, file, name):
     whole = WHOLE[name]()
     whole = whole.encode() if isinstance(whole, str) else whole
@@ -324,6 +335,7 @@ def test_one_of_several_motions_is_chosen_by_its_name(g1, file_name):
     with pytest.raises(MotionError, match="has several motions: ") as error:
         read_motion(path, g1)
     assert all(name in str(error.value) for name in names)
+    assert "(check and motion: --all)" in str(error.value)
     with pytest.raises(MotionError, match="There is no motion 'jump'; "):
         read_motion(Path(f"{path}#jump"), g1)
     truth = np.loadtxt(FOLDER / about["truth"], delimiter=",")
@@ -333,6 +345,31 @@ def test_one_of_several_motions_is_chosen_by_its_name(g1, file_name):
         columns = [7 + G1_JOINTS[29].index(joint) for joint in motion.joint_names]
         np.testing.assert_allclose(motion.positions, wanted[:, columns], atol=1e-6)
         np.testing.assert_allclose(motion.base_poses[:, :3], wanted[:, :3], atol=1e-6)
+
+
+@pytest.mark.parametrize("rows", [[np.array(1.0)], [[0.0] * 35, np.array(1.0)]])
+def test_frames_that_are_no_rows_are_told(g1, file, rows):
+    with pytest.raises(MotionError, match=r"frames must (be rows|contain numbers)"):
+        read_motion(file(pickle.dumps({**framed(), "frames": rows})), g1)
+
+
+def test_motions_of_a_large_library_are_read_as_fast_as_of_a_small_one(g1, file):
+    """What is found in a file is kept for all its motions, until it changes."""
+    counts = []
+    for size in (2, 2000):
+        content = pickle.dumps({f"m{n}": entry() for n in range(size)})
+        path = Path(f"{file(content)}#m1")
+        read_motion(path, g1)
+        steps = []
+        sys.setprofile(lambda _, event, what, steps=steps: steps.append(event))
+        try:
+            read_motion(path, g1)
+        finally:
+            sys.setprofile(None)
+        counts.append(len(steps))
+    assert counts[1] < 1.1 * counts[0]
+    with pytest.raises(MotionError, match="has no motions with names"):
+        read_motion(Path(f"{file(pickle.dumps(gmr()))}#m1"), g1)
 
 
 def test_a_file_without_names_has_no_motion_of_a_name(g1, file):
@@ -417,7 +454,10 @@ def test_keyframes_without_times_are_poses_or_have_a_rate(g1, file):
     "content, words",
     [
         (lambda: policy(outputs=()), "outputs actions, but not joint_pos, body_pos_w"),
-        (lambda: policy(body="head_link"), "does not track pelvis"),
+        (
+            lambda: policy(body="head_link"),
+            "lack the base, pelvis: head_link",
+        ),
         (lambda: field(1, 8) + b"\x7f" * 30, "damaged, or is none"),
         (lambda: policy().replace(b"Gather", b"MatMul"), "not taken from an array"),
     ],
@@ -425,6 +465,14 @@ def test_keyframes_without_times_are_poses_or_have_a_rate(g1, file):
 def test_a_policy_without_a_reference_is_told(g1, file, content, words):
     with pytest.raises(MotionError, match=words):
         read_motion(file(content(), "policy.onnx"), g1)
+
+
+def test_text_of_numpy_and_sizes_of_torch_are_read():
+    names = [*np.array(["a", "left_knee_joint"])]
+    for protocol in (2, 4):
+        assert read_pickle(pickle.dumps({"names": names}, protocol))["names"] == names
+    size = b"ctorch\nSize\n" + opcodes(((2, 3),)) + b"R"
+    assert [*read_torch(torch_saved({"size": size}, {}))["size"]] == [2, 3]
 
 
 def test_numpys_new_names_and_protocol_5_are_read():

@@ -43,6 +43,12 @@ def test_a_star_is_for_all_others(tmp_path):
     ]
 
 
+def test_escapes_of_yaml_are_read(tmp_path):
+    file = tmp_path / FILE
+    file.write_text('"a\\x41.csv": {choice: keep}\n"b\tc": {choice: exclude}\n')
+    assert Selection(file).choices == {"aA.csv": Choice(KEEP), "b\tc": Choice(EXCLUDE)}
+
+
 def test_what_is_written_is_read(tmp_path):
     file = tmp_path / FILE
     begun = Selection(file, must_exist=False)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from checked import POST, write_motions
 
@@ -112,6 +113,23 @@ def test_a_choice_is_written_beside_those_of_others(folder):
 
 
 @pytest.mark.parametrize(
+    ("others", "choices", "counts"),
+    [
+        ("exclude", ["exclude", "keep", "exclude", "exclude"], (1, 3)),
+        ("keep", ["undecided", "keep", BY_RULE, "undecided"], (1, 0)),
+    ],
+)
+def test_the_choice_for_all_others_is_no_motion(folder, others, choices, counts):
+    text = f'"*": {others}\nmotion0.csv: keep\nmotion2.csv: {{note: look again}}\n'
+    (folder / FILE).write_text(text)
+    found = library(folder, report(folder, "motions"))
+    assert [found.choice(entry) for entry in found.entries] == choices
+    assert found.counts() == counts
+    excluded = found.listed(View(choice="exclude"))
+    assert len(excluded) == counts[1]
+
+
+@pytest.mark.parametrize(
     ("name", "text"),
     [
         ("report.csv", "a,b\n1,2\n"),
@@ -121,6 +139,15 @@ def test_a_choice_is_written_beside_those_of_others(folder):
         ("report.json", '{"files": [1]}'),
         ("report.json", '{"files": [{"findings": [1]}]}'),
         ("report.json", "{"),
+        pytest.param("report.json", "[" * 100_000, id="nested"),
+        ("report.json", '{"files": [{"result": "failed"}]}'),
+        ("report.json", '{"files": [{"file": ["motion1.csv"]}]}'),
+        ("report.json", '{"files": [{"file": "motion1.csv", "picture": 1}]}'),
+        (
+            "report.json",
+            '{"files": [{"file": "motion1.csv", "figures": {"duration": [1]}}]}',
+        ),
+        ("report.csv", "result,file\nfailed\n"),
     ],
 )
 def test_what_is_no_report_is_told(folder, name, text):
@@ -128,6 +155,14 @@ def test_what_is_no_report_is_told(folder, name, text):
     path.write_text(text, encoding="latin-1")
     with pytest.raises(InvalidValueError, match=f"{name} is no report as check writes"):
         library(folder, path)
+
+
+def test_a_figure_that_is_too_large_is_infinite(folder):
+    path = folder / "report.json"
+    figures = f'{{"duration": 1{"0" * 400}}}'
+    one = f'{{"file": "motion1.csv", "result": "passed", "figures": {figures}}}'
+    path.write_text(f'{{"files": [{one}]}}')
+    assert library(folder, path).entries[2].figures["duration"] == np.inf
 
 
 def test_a_missing_report_is_told(folder):

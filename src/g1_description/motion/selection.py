@@ -125,7 +125,10 @@ def _read(path: Path) -> dict[str, Choice]:
         written = WRITTEN.fullmatch(line.rstrip())
         if written is None:
             continue
-        name, note = json.loads(written[1]), json.loads(written[3] or '""')
+        try:
+            name, note = json.loads(written[1]), json.loads(written[3] or '""')
+        except ValueError:  # by hand: YAML has more escapes than JSON
+            continue
         _add(found, path, name, {"choice": written[2], "note": note})
         lines[number] = ""
     try:

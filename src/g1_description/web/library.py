@@ -17,7 +17,15 @@ from g1_description.checks.report import NO_MOTION, RESULTS
 from g1_description.checks.rules import RULES
 from g1_description.checks.verdict import COUNTS, FAILED, FIGURES, WARNING, Verdict
 from g1_description.errors import InvalidValueError
-from g1_description.motion.selection import CHOICES, EXCLUDE, KEEP, UNDECIDED, Selection
+from g1_description.motion.selection import (
+    CHOICES,
+    EXCLUDE,
+    KEEP,
+    OTHERS,
+    UNDECIDED,
+    Choice,
+    Selection,
+)
 
 REPORTS = ("report.csv", "report.json")
 """Usual names of the report, in the folder of the motions."""
@@ -142,6 +150,8 @@ class Library:
     def choice(self, entry: Entry) -> str:
         """Return one of ``CHOICE_FILTERS``: a person's choice, or that of a rule."""
         chosen = self.selection.of(entry.path).choice
+        if chosen == UNDECIDED and not self.selection.keeps(entry.path):
+            return EXCLUDE  # as all others
         is_by_rule = chosen == UNDECIDED and entry.excluded_by
         return BY_RULE if is_by_rule else chosen
 
@@ -169,11 +179,20 @@ class Library:
 
     def counts(self) -> tuple[int, int]:
         """Return how many motions the selection keeps and excludes, by their names."""
-        chosen = Counter(c.choice for c in self.selection.choices.values())
+        choices = dict(self.selection.choices)
+        others = choices.pop(OTHERS, Choice())
+        chosen = Counter(found.choice for found in choices.values())
+        if others.choice == EXCLUDE:
+            return chosen[KEEP], max(0, len(self.entries) - chosen[KEEP])
         return chosen[KEEP], chosen[EXCLUDE]
 
 
 NO_REPORT = "{} is no report as check writes it, with --csv or --json."
+
+NOT_AS_WRITTEN = (
+    *(csv.Error, ValueError, LookupError, TypeError, AttributeError, RecursionError),
+)
+"""Errors of reading something else."""
 
 
 def _json_rows(file: TextIO) -> list[dict[str, Any]]:
@@ -205,18 +224,16 @@ def _read_report(path: Path, folder: Path, entries: Mapping[str, Entry]) -> None
         with path.open(encoding="utf-8", newline="") as file:
             is_json = path.suffix.lower() == ".json"
             rows = _json_rows(file) if is_json else list(csv.DictReader(file))
+        files = [PurePath(row["file"]).parts for row in rows]
+        prefix = _prefix(files, folder, entries)
+        for row, parts in zip(rows, files):
+            entry = entries.get("/".join(parts[len(prefix) :]))
+            if entry is not None and parts[: len(prefix)] == prefix:
+                _fill(entry, row, path)
     except OSError as error:
         raise InvalidValueError(f"{path} cannot be read: {error.strerror}.") from error
-    except (csv.Error, ValueError, LookupError, TypeError, AttributeError) as error:
+    except NOT_AS_WRITTEN as error:
         raise InvalidValueError(NO_REPORT.format(path)) from error
-    if rows and not {"file", "result"} <= rows[0].keys():
-        raise InvalidValueError(NO_REPORT.format(path))
-    files = [PurePath(row["file"]).parts for row in rows]
-    prefix = _prefix(files, folder, entries)
-    for row, parts in zip(rows, files):
-        entry = entries.get("/".join(parts[len(prefix) :]))
-        if entry is not None and parts[: len(prefix)] == prefix:
-            _fill(entry, row, path)
 
 
 def _prefix(
@@ -252,6 +269,6 @@ def _number(given: Any) -> float:
     """Read a figure; NaN would spoil the order."""
     try:
         value = float(given)
-    except ValueError:
+    except (ValueError, OverflowError):
         return math.inf
     return math.inf if math.isnan(value) else value

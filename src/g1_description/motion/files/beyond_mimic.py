@@ -21,10 +21,10 @@ import numpy as np
 from g1_description.errors import MotionError
 from g1_description.motion.files.conventions import (
     base_of,
-    known,
     layouts,
     names_of_columns,
     of_robot,
+    read_velocities,
 )
 from g1_description.motion.files.source import MotionSource
 from g1_description.motion.files.writing import (
@@ -40,6 +40,7 @@ from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description, Joint
 from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.tree import below
+from g1_description.text import MAX_NAME
 
 ARRAYS = ("fps", "joint_pos", "body_pos_w", "body_quat_w")
 
@@ -74,10 +75,7 @@ def read(source: MotionSource, robot: Description) -> Motion:
     n_samples, n_joints = positions.shape
     places = source.arrays.numbers("body_pos_w", n_samples, None, 3)
     turns = source.arrays.numbers("body_quat_w", n_samples, places.shape[1], 4)
-    velocities = None
-    if "joint_vel" in source.arrays:
-        velocities = source.arrays.numbers("joint_vel", n_samples, n_joints)
-        velocities = known(velocities, positions)
+    velocities = read_velocities(source.arrays, "joint_vel", positions)
     if not places.shape[1]:
         raise MotionError("body_pos_w must have at least one body, the root.")
     named = None
@@ -90,9 +88,12 @@ def read(source: MotionSource, robot: Description) -> Motion:
     times, of_times = source.arrays.times(n_samples)
     root = 0
     if "body_names" in source.arrays:
-        bodies_named = source.arrays.names("body_names")
-        if robot.root in bodies_named[: places.shape[1]]:
-            root = bodies_named.index(robot.root)
+        links = source.arrays.names("body_names")[: places.shape[1]]
+        if robot.root in links:
+            root = links.index(robot.root)
+        elif links:
+            lacking = f"The bodies lack the base, {robot.root}: assuming the first one"
+            of_times += (f"{lacking}, {links[0][:MAX_NAME]}.",)
     base = base_of(places[:, root], turns[:, root])
     names, notes = _names(named, positions, base, places, robot)
     trajectory = Motion(times, names, positions, velocities, base)

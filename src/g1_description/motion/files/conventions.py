@@ -12,11 +12,13 @@ from dataclasses import replace
 import numpy as np
 
 from g1_description.errors import MotionError
+from g1_description.motion.files.source import Arrays
 from g1_description.motion.motion import Motion
 from g1_description.robot.assembly import WORLD
 from g1_description.robot.description import Description
 from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.rotation import rotate
+from g1_description.text import listed
 
 LEG = ("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll")
 WAIST = ("waist_yaw", "waist_roll", "waist_pitch")
@@ -173,6 +175,39 @@ def known(velocities: np.ndarray, positions: np.ndarray) -> np.ndarray | None:
     """
     is_moving = len(positions) > 1 and bool(np.ptp(positions, axis=0).any())
     return None if is_moving and not velocities.any() else velocities
+
+
+def read_velocities(
+    arrays: Arrays, name: str, positions: np.ndarray
+) -> np.ndarray | None:
+    """Read an array of velocities; None if it is missing, or not ``known``.
+
+    Args:
+        arrays: Those of the file.
+        name: Of the velocities.
+        positions: Of the joints, shape (n_samples, n_joints).
+
+    Raises:
+        MotionError: If it has another shape than the positions.
+    """
+    if name not in arrays:
+        return None
+    return known(arrays.numbers(name, *positions.shape), positions)
+
+
+def root_of(links: Sequence[str], robot: Description) -> int:
+    """Find the base among the bodies of a file.
+
+    Args:
+        links: Names of the bodies.
+        robot: The robot.
+
+    Raises:
+        MotionError: If it is missing.
+    """
+    if robot.root not in links:
+        raise MotionError(f"The bodies lack the base, {robot.root}: {listed(links)}.")
+    return links.index(robot.root)
 
 
 def w_last(

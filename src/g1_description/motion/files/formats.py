@@ -78,8 +78,11 @@ FORMATS: Mapping[str, ModuleType] = {
 """Formats by name. The first one that recognises a file reads it; a table is any other
 text."""
 
-ORDER_OPEN = (table, npy_table, gmr)
-"""Formats of which publishers disagree on the order of quaternions."""
+ORDER_OPEN = (
+    *(table, npy_table, gmr, motion_library, phuma, amp_dataset, protomotions),
+)
+"""Formats of which publishers disagree on the order of quaternions, so that they read
+``order``."""
 
 ENDINGS = tuple(
     sorted({ending for module in FORMATS.values() for ending in module.ENDINGS})
@@ -232,10 +235,13 @@ def _format(source: MotionSource, name: str | None = None) -> ModuleType:
         if not FORMATS[name].recognise(source):
             raise MotionError(f"The file is not of the format {name}.")
         return FORMATS[name]
-    for module in FORMATS.values():
-        if module.recognise(source):
-            return module
-    raise MotionError(_problem(source))
+    whole = source if source.name is None else source.whole
+    if whole.format is None:
+        found = (module for module in FORMATS.values() if module.recognise(whole))
+        whole.format = next(found, None)
+    if whole.format is None:
+        raise MotionError(_problem(whole))
+    return whole.format
 
 
 def _problem(source: MotionSource) -> str:

@@ -10,8 +10,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from g1_description.errors import MotionError
-from g1_description.motion.files.conventions import base_of, known
+from g1_description.motion.files.conventions import (
+    base_of,
+    read_velocities,
+    root_of,
+)
 from g1_description.motion.files.source import MotionSource, parsed
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
@@ -47,13 +50,8 @@ def read(source: MotionSource, robot: Description) -> Motion:
     positions = arrays.numbers("joint_pos", None, len(joints))
     places = arrays.numbers("body_pos_w", len(positions), len(links), 3)
     turns = arrays.numbers("body_quat_w", len(positions), len(links), 4)
-    if robot.root not in links:
-        raise MotionError(f"The bodies lack the base, {robot.root}: {listed(links)}.")
-    root = links.index(robot.root)
-    velocities = None
-    if "joint_vel" in arrays:
-        velocities = arrays.numbers("joint_vel", *positions.shape)
-        velocities = known(velocities, positions)
+    root = root_of(links, robot)
+    velocities = read_velocities(arrays, "joint_vel", positions)
     times, notes = meta.times(len(positions))
     objects = [link for link in links if link not in robot.link_names]
     if objects:

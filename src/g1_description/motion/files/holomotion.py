@@ -16,7 +16,10 @@ import json
 import numpy as np
 
 from g1_description.errors import MotionError
-from g1_description.motion.files.conventions import known, names_of_columns
+from g1_description.motion.files.conventions import (
+    names_of_columns,
+    read_velocities,
+)
 from g1_description.motion.files.source import Arrays, MotionSource, parsed
 from g1_description.motion.files.writing import (
     bodies,
@@ -66,10 +69,9 @@ def read(source: MotionSource, robot: Description) -> Motion:
     positions = arrays.numbers(prefix + JOINTS, None, None)
     places = _of_base(arrays, prefix + PLACES, len(positions), 3)
     turns = _of_base(arrays, prefix + TURNS, len(positions), 4)
-    velocities = None
-    for name in (f"{prefix}dof_vel", f"{prefix}dof_vels"):
-        if name in arrays:
-            velocities = known(arrays.numbers(name, *positions.shape), positions)
+    name = f"{prefix}dof_vels"
+    name = name if name in arrays else f"{prefix}dof_vel"
+    velocities = read_velocities(arrays, name, positions)
     metadata = parsed(str(arrays[METADATA]), METADATA)
     times, of_times = metadata.times(len(positions), "motion_fps")
     joints, notes = names_of_columns(positions, robot)

@@ -7,12 +7,14 @@ are any of the robot's in any order, so names count; the base is the body of its
 
 from __future__ import annotations
 
-from g1_description.errors import MotionError
-from g1_description.motion.files.conventions import base_of, known
+from g1_description.motion.files.conventions import (
+    base_of,
+    read_velocities,
+    root_of,
+)
 from g1_description.motion.files.source import MotionSource
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
-from g1_description.text import listed
 
 ENDINGS = (".npz",)
 
@@ -35,13 +37,8 @@ def read(source: MotionSource, robot: Description) -> Motion:
     positions = arrays.numbers("dof_positions", None, len(joints))
     places = arrays.numbers("body_positions", len(positions), len(links), 3)
     turns = arrays.numbers("body_rotations", len(positions), len(links), 4)
-    if robot.root not in links:
-        raise MotionError(f"The bodies lack the base, {robot.root}: {listed(links)}.")
-    root = links.index(robot.root)
-    velocities = None
-    if "dof_velocities" in arrays:
-        velocities = arrays.numbers("dof_velocities", *positions.shape)
-        velocities = known(velocities, positions)
+    root = root_of(links, robot)
+    velocities = read_velocities(arrays, "dof_velocities", positions)
     times, notes = arrays.times(len(positions))
     base = base_of(places[:, root], turns[:, root])
     return Motion(times, joints, positions, velocities, base, notes)

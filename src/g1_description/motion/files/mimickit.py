@@ -59,12 +59,12 @@ def table(rows: Any, what: str) -> np.ndarray:
         MotionError: If these are no rows of numbers of equal length.
     """
     if isinstance(rows, list):
-        width = len(rows[0]) if rows and isinstance(rows[0], (list, np.ndarray)) else 0
+        width = _length(rows[0]) if rows else 0
         if len(rows) * width > MAX_SIZE:
             raise MotionError(f"{what} has more than {MAX_SIZE} numbers.")
         values = array("d")
         for row in rows:
-            if not isinstance(row, (list, np.ndarray)) or len(row) != width:
+            if _length(row) != width:
                 raise MotionError(f"{what} must be rows of equal length.")
             try:
                 values.extend(row)
@@ -74,3 +74,9 @@ def table(rows: Any, what: str) -> np.ndarray:
             raise MotionError(f"{what} has no numbers.")
         rows = np.array(values).reshape(-1, width)
     return Arrays({what: rows}).numbers(what, None, None)
+
+
+def _length(row: Any) -> int:
+    """Return the length of a row; 0 if it is none."""
+    is_row = isinstance(row, list) or (isinstance(row, np.ndarray) and row.ndim > 0)
+    return len(row) if is_row else 0

@@ -30,7 +30,7 @@ MAX_STEPS = 2_000_000
 number, these are half an hour at 30 Hz."""
 
 MAX_TEXT = 100_000_000
-"""Most bytes of text, and of arrays that protocol 2 encodes as text."""
+"""Most bytes of text, of scalars, and of arrays that protocol 2 encodes as text."""
 
 MAX_ARGUMENTS = 10
 """Most arguments of a call."""
@@ -161,7 +161,7 @@ class Unpickler(pickle._Unpickler):  # type: ignore[name-defined, misc]
         """List what replaces the allowed names, mostly functions."""
         return {
             "numpy.core.multiarray._reconstruct": lambda *_: Array(),
-            "numpy.core.multiarray.scalar": _scalar,
+            "numpy.core.multiarray.scalar": self._scalar,
             "numpy.core.numeric._frombuffer": self._from_buffer,
             "numpy.ndarray": lambda: Array(),
             "numpy.dtype": lambda name, *_: Dtype(name),
@@ -264,10 +264,10 @@ class Unpickler(pickle._Unpickler):  # type: ignore[name-defined, misc]
         self._count(len(text))
         return text.encode("latin1")
 
-
-def _scalar(kind: Dtype, content: bytes) -> Any:
-    """Make a number of numpy."""
-    return np.frombuffer(content, kind.dtype, 1)[0]
+    def _scalar(self, kind: Dtype, content: bytes) -> Any:
+        """Make a number or text of numpy, which is a copy."""
+        self._count(kind.dtype.itemsize)
+        return np.frombuffer(content, kind.dtype, 1)[0]
 
 
 def read_pickle(

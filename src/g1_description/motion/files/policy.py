@@ -21,7 +21,11 @@ from typing import Any, Union
 import numpy as np
 
 from g1_description.errors import MotionError
-from g1_description.motion.files.conventions import base_of, known
+from g1_description.motion.files.conventions import (
+    base_of,
+    read_velocities,
+    root_of,
+)
 from g1_description.motion.files.source import Arrays, MotionSource
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
@@ -78,19 +82,12 @@ def read(source: MotionSource, robot: Description) -> Motion:
     arrays = Arrays(model.references())
     joints = model.names("joint_names")
     bodies = model.names("body_names")
-    if robot.root not in bodies:
-        raise MotionError(
-            f"The policy does not track {robot.root}, so its reference has no base; "
-            f"its bodies: {listed(bodies)}."
-        )
     positions = arrays.numbers(POSITIONS, None, len(joints))
     shape = len(positions), len(bodies)
-    root = bodies.index(robot.root)
+    root = root_of(bodies, robot)
     places = arrays.numbers(PLACES, *shape, 3)[:, root]
     turns = arrays.numbers(TURNS, *shape, 4)[:, root]
-    velocities = None
-    if VELOCITIES in arrays:
-        velocities = known(arrays.numbers(VELOCITIES, *positions.shape), positions)
+    velocities = read_velocities(arrays, VELOCITIES, positions)
     base = base_of(places, turns)
     motion = Motion(np.arange(len(positions)), joints, positions, velocities, base)
     return source.timed(motion, RATE, "the rate of such policies")

@@ -17,7 +17,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from g1_description.errors import MotionError
-from g1_description.motion.files.conventions import known, names_of_columns, w_last
+from g1_description.motion.files.conventions import (
+    names_of_columns,
+    read_velocities,
+    w_last,
+)
 from g1_description.motion.files.source import Arrays, MotionSource
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
@@ -64,13 +68,10 @@ def read(source: MotionSource, robot: Description) -> Motion:
     else:
         keys = MOTION if MOTION[1] in arrays else CACHED
     positions = arrays.numbers(keys[0], None, None)
-    n_samples, n_joints = positions.shape
+    n_samples = len(positions)
     places = arrays.numbers(keys[1], n_samples, None, 3)
     turns = arrays.numbers(keys[2], n_samples, places.shape[1], 4)
-    velocities = None
-    if keys[3] in arrays:
-        velocities = arrays.numbers(keys[3], n_samples, n_joints)
-        velocities = known(velocities, positions)
+    velocities = read_velocities(arrays, keys[3], positions)
     if not places.shape[1]:
         raise MotionError(f"{keys[1]} must have at least one body, the root.")
     base = np.concatenate([places[:, 0], turns[:, 0]], axis=1)

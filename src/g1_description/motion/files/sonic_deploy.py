@@ -14,7 +14,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from g1_description.errors import MotionError
-from g1_description.motion.files.conventions import ISAAC_JOINTS, base_of, known
+from g1_description.motion.files.conventions import (
+    ISAAC_JOINTS,
+    base_of,
+    read_velocities,
+)
 from g1_description.motion.files.sonic import RATE
 from g1_description.motion.files.source import MotionSource
 from g1_description.motion.motion import Motion
@@ -44,10 +48,7 @@ def read(source: MotionSource, robot: Description) -> Motion:
     arrays = source.arrays.inside(source.chosen(names(source)))
     positions = arrays.numbers("joint_pos", None, len(ISAAC_JOINTS))
     n_samples = len(positions)
-    velocities = None
-    if "joint_vel" in arrays:
-        velocities = arrays.numbers("joint_vel", *positions.shape)
-        velocities = known(velocities, positions)
+    velocities = read_velocities(arrays, "joint_vel", positions)
     places = arrays.numbers("body_pos_w", n_samples, None, 3)
     turns = arrays.numbers("body_quat_w", n_samples, places.shape[1], 4)
     bodies = [0.0]

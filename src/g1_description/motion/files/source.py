@@ -13,6 +13,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache, partial
 from pathlib import Path
+from types import ModuleType
 from typing import Any, Callable, Mapping
 
 import numpy as np
@@ -65,7 +66,10 @@ COMPRESSED: Mapping[bytes, Callable[[], Any]] = {
 }
 """Decompressors by first bytes: of zlib, gzip, bz2, xz and lzma."""
 
-RATE_IN_NAME = re.compile(r"_(\d{1,3})(?:_?hz|_jpos)(?![a-z0-9])", re.IGNORECASE)
+RATE_IN_NAME = re.compile(
+    r"_(?=\d{1,6}_?hz|\d{1,3}_jpos)0*([1-9]\d*)(?:_?hz|_jpos)(?![a-z0-9])",
+    re.IGNORECASE,
+)
 """A rate in the name of a file, such as ``walk.bvh_60hz.csv``."""
 
 GIT_LFS = "version https://git-lfs."
@@ -83,6 +87,7 @@ class Arrays(Mapping[str, Any]):
 
     def __init__(self, values: Mapping[str, Any]) -> None:
         self._values = values
+        self._holding: dict[tuple[str, ...], tuple[str, ...]] = {}
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._values)
@@ -138,15 +143,17 @@ class Arrays(Mapping[str, Any]):
             raise MotionError(f"{name} must be a list of names.")
         return tuple(names)
 
-    def holding(self, *keys: str) -> list[str]:
+    def holding(self, *keys: str) -> tuple[str, ...]:
         """List the names of dictionaries that have these keys."""
         if not isinstance(self._values, dict):
-            return []  # an npz, whose arrays stay unread
-        return [
-            name
-            for name, value in self._values.items()
-            if isinstance(value, dict) and {*keys} <= {*value}
-        ]
+            return ()  # an npz, whose arrays stay unread
+        if keys not in self._holding:  # each motion of a library asks for it
+            self._holding[keys] = tuple(
+                name
+                for name, value in self._values.items()
+                if isinstance(value, dict) and {*keys} <= {*value}
+            )
+        return self._holding[keys]
 
     def inside(self, name: str) -> Arrays:
         """Return the arrays of a dictionary that has this name.
@@ -229,6 +236,8 @@ class MotionSource:
         """Topic of the joints in a bag; None: the usual one."""
         self.order = order
         """Of base quaternions where the format does not tell: xyzw or wxyz."""
+        self.format: ModuleType | None = None
+        """Its format, once it is found."""
         self.is_folder = self.path.is_dir()
         self.head = b"" if self.is_folder else self._read(100)
         """The first bytes."""
@@ -284,6 +293,11 @@ class MotionSource:
             raise MotionError(f"Not a valid {NOT_TEXT[self.ending]}.")
         return text
 
+    @property
+    def whole(self) -> MotionSource:
+        """The file without a choice of a motion, the same one for all its motions."""
+        return _whole(self.path, self.path.stat().st_mtime_ns)
+
     @cached_property
     def arrays(self) -> Arrays:
         """Arrays of an npz, of torch or of a pickled dictionary, also if compressed.
@@ -291,7 +305,7 @@ class MotionSource:
         That of an npy is called ``NPY``. Empty for other files.
         """
         if self.name is not None:
-            return _whole(self.path, self.path.stat().st_mtime_ns).arrays
+            return self.whole.arrays
         content = self.content
         if content.startswith(PICKLE):
             return Arrays(read_pickle(content))
@@ -331,7 +345,7 @@ class MotionSource:
             raise MotionError("The file has no motions.")
         raise MotionError(
             f"The file has several motions: {listed(names)}. Choose one, such as "
-            f"'{self.path.name}#{names[0][:MAX_NAME]}', or take --all."
+            f"'{self.path.name}#{names[0][:MAX_NAME]}' (check and motion: --all)."
         )
 
     def timed(self, motion: Motion, usual: float, why: str) -> Motion:
