@@ -43,6 +43,16 @@ def test_a_star_is_for_all_others(tmp_path):
     ]
 
 
+def test_a_choice_for_a_file_is_for_its_motions_without_one(tmp_path):
+    (tmp_path / "a # b.pkl").touch()
+    file = tmp_path / FILE
+    file.write_text('"a # b.pkl": exclude\n"a # b.pkl#/home/x y": keep\n')
+    found = Selection(file)
+    assert found.keeps(f"{tmp_path}/a # b.pkl#/home/x y")
+    assert not found.keeps(f"{tmp_path}/a # b.pkl#/home/z")
+    assert not found.keeps(tmp_path / "a # b.pkl")
+
+
 def test_escapes_of_yaml_are_read(tmp_path):
     file = tmp_path / FILE
     file.write_text('"a\\x41.csv": {choice: keep}\n"b\tc": {choice: exclude}\n')

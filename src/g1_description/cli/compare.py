@@ -14,7 +14,7 @@ from g1_description.cli.motion_paths import MotionFiles, motion_files
 from g1_description.command_line import say
 from g1_description.errors import G1DescriptionError
 from g1_description.motion.files.formats import is_motion_folder
-from g1_description.motion.files.source import split
+from g1_description.motion.paths import split
 
 HEAD = ("", "shift", "joints", "bodies", "from the root", "largest slip", "")
 

@@ -46,8 +46,9 @@ from g1_description.motion.files.formats import (
     read_source,
     writer_of,
 )
-from g1_description.motion.files.source import MotionSource, split
+from g1_description.motion.files.source import MotionSource
 from g1_description.motion.motion import Motion
+from g1_description.motion.paths import split
 from g1_description.motion.selection import Selection
 from g1_description.robot.description import Description
 from g1_description.ros.lifecycle import own_arguments

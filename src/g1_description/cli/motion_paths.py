@@ -12,7 +12,7 @@ from g1_description.checks.batch import Task
 from g1_description.errors import InvalidValueError, MotionError
 from g1_description.motion import selection as selections
 from g1_description.motion.files.formats import ENDINGS, is_motion_folder, motion_names
-from g1_description.motion.files.source import split
+from g1_description.motion.paths import split
 from g1_description.motion.selection import Selection
 
 

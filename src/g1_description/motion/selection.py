@@ -6,13 +6,14 @@ import json
 import os
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from g1_description.errors import InvalidValueError
 from g1_description.files.atomic import write_whole
 from g1_description.files.yaml import YamlError, parse_yaml
+from g1_description.motion.paths import split
 
 FILE = "selection.yaml"
 """Usual name of the file, in the folder of the motions."""
@@ -68,15 +69,24 @@ class Selection:
 
     def name(self, motion: str | os.PathLike[str]) -> str:
         """Return what the file calls a motion, whose path may end in ``#NAME``."""
-        folder, name = os.path.split(os.path.abspath(motion))
+        file, part = split(Path(motion))
+        folder, name = os.path.split(os.path.abspath(file))
         if folder not in self._folders:  # a motion that is a link has its own choice
             real = os.path.realpath(folder)
             self._folders[folder] = os.path.relpath(real, self._folder)
-        return Path(self._folders[folder], name).as_posix()
+        found = Path(self._folders[folder], name).as_posix()
+        return found if part is None else f"{found}#{part}"
 
     def of(self, motion: str | os.PathLike[str]) -> Choice:
-        """Return the choice for a motion; undecided if it is not in the file."""
-        return self.choices.get(self.name(motion), Choice())
+        """Return the choice for a motion; undecided if it is not in the file.
+
+        That for a file of several motions is for those without one of their own.
+        """
+        found = self.choices.get(self.name(motion), Choice())
+        file, part = split(Path(motion))
+        if found.choice == UNDECIDED and part is not None:
+            return replace(found, choice=self.of(file).choice)
+        return found
 
     def keeps(self, motion: str | os.PathLike[str]) -> bool:
         """Return whether a motion is used."""

@@ -22,6 +22,7 @@ from g1_description.errors import MotionError, cause
 from g1_description.motion.files.pickles import PICKLE, read_pickle
 from g1_description.motion.files.torch_files import is_torch, read_torch
 from g1_description.motion.motion import Motion
+from g1_description.motion.paths import split
 from g1_description.text import MAX_NAME, listed
 
 MAX_FILE_SIZE = 200_000_000
@@ -394,20 +395,6 @@ def parsed(text: str | None, what: str) -> Arrays:
     if not isinstance(found, dict):
         raise MotionError(f"{what} must be a dictionary.")
     return Arrays(found)
-
-
-def split(path: Path) -> tuple[Path, str | None]:
-    """Split ``FILE#NAME``, which names one of the motions in a file.
-
-    Returns:
-        The path, and the name; None: the path is a whole file.
-    """
-    text = str(path)
-    for found in re.finditer("#", text):
-        file = Path(text[: found.start()])
-        if not path.exists() and file.exists():
-            return file, text[found.end() :]
-    return path, None
 
 
 def _texts(array: np.ndarray) -> Any:
