@@ -252,3 +252,18 @@ def test_gimbal_lock_keeps_the_turn(tmp_path):
     base[:2, 3:] = turns.as_quat()
     locked = Motion(motion.times, JOINTS, motion.positions, base_poses=base)
     assert_same(again(tmp_path, "bones_seed", locked), locked, 1e-7)
+
+
+@pytest.mark.parametrize("name", ["mjlab", "whole_body_tracking"])
+def test_a_rate_that_training_would_play_too_fast_is_told(tmp_path, name):
+    def notes(motion):
+        path = tmp_path / f"{len(motion.times)}.npz"
+        return " ".join(write_motion(path, motion, G1, name=name))
+
+    times = np.arange(31) / 30.0
+    base = np.tile([0.0, 0.0, 0.8, 0.0, 0.0, 0.0, 1.0], (31, 1))
+    motion = Motion(times, (), np.zeros((31, 0)), base_poses=base)
+    assert "The file has 30 Hz. Training plays a sample per control step" in notes(
+        motion
+    )
+    assert "control step" not in notes(motion.resampled(50.0))

@@ -60,6 +60,10 @@ NO_BASE = "An npz needs base poses, and this motion has none; write .csv."
 UNKNOWN_ORDER = "The joint order is unknown; assuming that of the robot's file."
 
 
+CONTROL_RATE = 50.0
+"""Samples per second at which both trainers step, in [Hz]."""
+
+
 def recognise(source: MotionSource) -> bool:
     """Return whether a file has these arrays; velocities and names may be missing."""
     return {*ARRAYS} <= {*source.arrays}
@@ -271,6 +275,11 @@ def _for_training(
 ) -> tuple[bytes, tuple[str, ...]]:
     """Write all six arrays as float32, in the order of the motion's joints."""
     evenly, fps, of_times = even(motion, rate)
+    if abs(fps - CONTROL_RATE) > 1e-3:
+        of_times += (
+            f"The file has {fps:g} Hz. Training plays a sample per control step, "
+            f"usually at {CONTROL_RATE:g} Hz: resample the motion first.",
+        )
     poses, twists = bodies(evenly, robot)
     arrays = {
         "joint_pos": evenly.positions,
