@@ -229,11 +229,15 @@ def highest_speed(trajectory: Motion, robot: Description) -> float:
         The largest speed for ``at_speed``: at it, a joint is at its limit.
 
     Raises:
-        MotionError: If no joint with a limit moves.
+        MotionError: If no joint with a limit moves, or one whose limit is 0.
     """
     limits = {joint.name: joint.velocity for joint in robot.movable_joints}
     bounds = np.array([limits.get(name, np.inf) for name in trajectory.joint_names])
-    share = (joint_speeds(trajectory) / bounds).max(initial=0.0)
+    speeds = joint_speeds(trajectory)
+    for name, speed, bound in zip(trajectory.joint_names, speeds, bounds):
+        if speed and not bound:
+            raise MotionError(f"{name} cannot move: its velocity limit is 0.")
+    share = (speeds / np.where(speeds == 0.0, 1.0, bounds)).max(initial=0.0)
     if not share > 0.0:
         raise MotionError("No joint with a velocity limit moves.")
     return float(1.0 / share)
