@@ -1,6 +1,7 @@
 """Written formats: read by numpy alone as by us, and by every other format in turn."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -243,6 +244,14 @@ def test_sonic_has_one_rate_and_the_joints_of_the_g1(tmp_path):
     robot = read_model(str(REPOSITORY / "test" / "data" / "revolute.urdf")).description
     with pytest.raises(MotionError, match=r"needs joints that .* does not have"):
         write_motion(tmp_path / "s", motion, robot, None, "sonic")
+
+
+def test_at_another_rate_the_last_velocity_is_kept(tmp_path):
+    motion = replace(a_motion(7), times=np.arange(4) / 30.0)
+    write_motion(tmp_path / "a.npz", motion, G1, 50.0, "mjlab")
+    found = np.load(tmp_path / "a.npz")["joint_vel"]
+    assert len(found) == 6
+    np.testing.assert_allclose(found[[0, -1]], motion.velocities[[0, -1]], rtol=1e-5)
 
 
 def test_gimbal_lock_keeps_the_turn(tmp_path):

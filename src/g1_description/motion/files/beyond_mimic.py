@@ -28,7 +28,6 @@ from g1_description.motion.files.conventions import (
 )
 from g1_description.motion.files.source import MotionSource
 from g1_description.motion.files.writing import (
-    MAX_SAMPLES,
     bodies,
     even,
     npz,
@@ -36,7 +35,7 @@ from g1_description.motion.files.writing import (
     velocities_of,
     whole,
 )
-from g1_description.motion.motion import Motion
+from g1_description.motion.motion import MAX_SAMPLES, Motion
 from g1_description.robot.description import Description, Joint
 from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.tree import below

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from g1_description.errors import MotionError
+from g1_description.errors import InvalidValueError, MotionError
 from g1_description.motion.files.conventions import of_robot
 from g1_description.motion.motion import Motion, sample
 from g1_description.robot.description import Description
@@ -21,9 +21,6 @@ EVEN = 1e-6
 
 BATCH = 1000
 """Samples per chunk when bodies are computed."""
-
-MAX_SAMPLES = 1_000_000
-"""Most samples that are written."""
 
 
 def npz(arrays: Mapping[str, Any]) -> bytes:
@@ -77,13 +74,7 @@ def whole(
             f"This format needs joints that {robot.name} does not have: "
             f"{listed(lacking)}."
         )
-    velocities = motion.velocities
-    if velocities is not None:
-        velocities = _columns(motion, velocities, names)
-    positions = _columns(motion, motion.positions, names)
-    found = replace(
-        motion, joint_names=names, positions=positions, velocities=velocities
-    )
+    found = replace(motion.arranged(names), notes=motion.notes)
     notes = []
     missing = [name for name in names if name not in motion.joint_names]
     if missing:
@@ -94,15 +85,6 @@ def whole(
             f"Joints that the format does not have are left out: {listed(left_out)}."
         )
     return found, tuple(notes)
-
-
-def _columns(motion: Motion, values: np.ndarray, names: Sequence[str]) -> np.ndarray:
-    """Arrange columns of joints; missing ones are zero."""
-    found = np.zeros((len(values), len(names)))
-    for number, name in enumerate(names):
-        if name in motion.joint_names:
-            found[:, number] = values[:, motion.joint_names.index(name)]
-    return found
 
 
 def even(
@@ -118,28 +100,22 @@ def even(
         The motion, its samples per second, and a message if it was resampled.
 
     Raises:
-        MotionError: If it would have too many samples.
+        MotionError: If it would have too many samples, or the rate is not positive.
     """
     times = trajectory.times - trajectory.times[0]
     mean = (len(times) - 1) / times[-1] if len(times) > 1 else 30.0
     fps = rate or (round(mean) if abs(mean - round(mean)) < 1e-3 else mean)
-    n_samples = int(times[-1] * fps + 1e-3) + 1
-    if n_samples > MAX_SAMPLES:
-        raise MotionError(
-            f"The motion would have {n_samples} samples at {fps:g} Hz; the limit is "
-            f"{MAX_SAMPLES}."
-        )
-    regular = np.arange(n_samples) / fps
+    try:
+        found = trajectory.resampled(fps)
+    except InvalidValueError as error:
+        raise MotionError(str(error)) from error
+    n_samples, regular = len(found.times), found.times - found.times[0]
     if n_samples == len(times) and np.abs(times - regular).max() <= EVEN:
         return trajectory, float(fps), ()
-    found = sample(trajectory, trajectory.times[0] + regular)
-    velocities = None if trajectory.velocities is None else found.velocities
-    names, poses = trajectory.joint_names, found.base_poses
     is_even = len(times) < 2 or np.ptp(np.diff(times)) <= EVEN
     why = "Resampled" if is_even else "The times are not evenly spaced: resampled"
     note = f"{why} to {n_samples} samples at {fps:g} Hz."
-    found_motion = Motion(regular, names, found.positions, velocities, poses)
-    return found_motion, float(fps), (note,)
+    return found, float(fps), (note,)
 
 
 def bodies(trajectory: Motion, robot: Description) -> tuple[np.ndarray, np.ndarray]:
