@@ -264,6 +264,10 @@ def test_one_or_all_motions_of_a_file_are_taken(motions, capsys):
         ("convert . --out a.csv", "--out must be a folder for 2 motions"),
         ("convert . --out ./out --to npz", "must not be in ., a folder read."),
         ("convert motion0.csv --out a.csv --joints 23", "--joints 23 needs joints"),
+        (
+            "convert motion0.csv --out a.pkl --joint-order isaaclab",
+            "--joint-order is for csv, npz, bag: the format gmr has one order",
+        ),
         ("pad motion0.csv --begin stan --out a.csv", "Unknown pose 'stan'. Known"),
     ],
 )
