@@ -32,6 +32,7 @@ from g1_description.motion.files.writing import (
     even,
     npz,
     number,
+    usual_joints,
     velocities_of,
     whole,
 )
@@ -259,8 +260,7 @@ def write_whole_body_tracking(
 
     Arguments, results and errors are those of ``write_mjlab``.
     """
-    own = [joint.name for joint in robot.movable_joints]
-    isaac = breadth_first(robot, own)
+    isaac = breadth_first(robot, usual_joints(motion, robot))
     return _for_training(*whole(motion, robot, isaac), robot, rate)
 
 

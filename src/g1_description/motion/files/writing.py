@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from g1_description.errors import InvalidValueError, MotionError
-from g1_description.motion.files.conventions import of_robot
+from g1_description.motion.files.conventions import ASAP_JOINTS, G1_JOINTS, of_robot
 from g1_description.motion.motion import Motion, sample
 from g1_description.robot.description import Description
 from g1_description.robot.kinematics import Kinematics
@@ -46,14 +46,19 @@ def untold(rate: float, usual: float) -> tuple[str, ...]:
 
 
 def whole(
-    motion: Motion, robot: Description, names: Sequence[str] | None = None
+    motion: Motion,
+    robot: Description,
+    names: Sequence[str] | None = None,
+    tells: bool = True,
 ) -> tuple[Motion, tuple[str, ...]]:
     """Complete a motion for a format that has a base and all joints, without names.
 
     Args:
         motion: Of the robot.
         robot: The robot.
-        names: Of the format's joints, in its order; None: those of the robot.
+        names: Of the format's joints, in its order; None: ``usual_joints``.
+        tells: Whether the format tells Unitree's 23 joints from ASAP's; if not, those
+            of the robot are written instead of Unitree's.
 
     Returns:
         The motion of these joints, at zero where the motion has none, and a message on
@@ -67,7 +72,9 @@ def whole(
             "This format needs base poses, and the motion has none; write .csv."
         )
     own = [joint.name for joint in robot.movable_joints]
-    names = tuple(own if names is None else names)
+    names = usual_joints(motion, robot) if names is None else tuple(names)
+    is_open = not tells and names == G1_JOINTS[23] and len(own) > len(names)
+    names = tuple(own) if is_open else names
     lacking = [name for name in names if name not in own]
     if lacking:
         raise MotionError(
@@ -78,13 +85,29 @@ def whole(
     notes = []
     missing = [name for name in names if name not in motion.joint_names]
     if missing:
-        notes.append(f"Missing joints are written as 0: {listed(missing)}.")
+        why = "; 23 joints could be read as ASAP's" if is_open else ""
+        notes.append(f"Missing joints are written as 0: {listed(missing)}{why}.")
     left_out = [name for name in motion.joint_names if name not in names]
     if left_out:
         notes.append(
             f"Joints that the format does not have are left out: {listed(left_out)}."
         )
+    if len(names) < len(own) and not notes:
+        notes.append(
+            f"Only the motion's {len(names)} joints are written, not all {len(own)}."
+        )
     return found, tuple(notes)
+
+
+def usual_joints(motion: Motion, robot: Description) -> tuple[str, ...]:
+    """Return the joints that are written, in the order of the robot's file.
+
+    Those of the robot or, if the motion has exactly the joints of a smaller version of
+    the G1, those.
+    """
+    own = tuple(joint.name for joint in robot.movable_joints)
+    known = (own, ASAP_JOINTS, *G1_JOINTS.values())
+    return next((n for n in known if {*n} == {*motion.joint_names}), own)
 
 
 def even(
