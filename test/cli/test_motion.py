@@ -183,6 +183,28 @@ def test_files_of_the_same_name_keep_their_extensions(folder):
     assert found == ["motion0.csv.csv", "motion0.npz.csv"]
 
 
+def test_a_folder_that_is_a_motion_keeps_its_whole_name(folder):
+    robot = Robot()
+    base = np.tile([0.0, 0.0, 0.8, 0.0, 0.0, 0.0, 1.0], (4, 1))
+    poses = robot.random_configuration(3, 4)
+    whole = robot.trajectory(np.arange(4) / 50, poses, None, base)
+    robot.write_motion(folder / "in" / "walk_1.5", whole, format="sonic")
+    g1 = "package://g1_description/urdf/g1_29dof.urdf"
+    assert run("convert", "in", "--out", "out", "--to", "csv", model=g1) == 0
+    found = sorted(path.name for path in (folder / "out").iterdir())
+    assert found == ["walk_1.5.csv"]
+
+
+def test_a_motion_is_joined_as_often_as_it_is_given(folder, capsys):
+    write_motions(folder, 0.5, 0.3)
+    words = ["motion0.csv", "motion1.csv", "motion0.csv", "--out", "a.csv"]
+    assert run("join", *words) == 0
+    assert capsys.readouterr().out.startswith("3 motions -> a.csv: 153 samples")
+    assert run("join", "motion0.csv", "motion0.csv", "--out", "b.csv") == 0
+    found = read(folder / "b.csv").positions[:, 0]
+    np.testing.assert_array_equal(found[:51], found[51:])
+
+
 def several(source):
     return source.text.split()[1:]
 
@@ -242,6 +264,10 @@ def test_one_or_all_motions_of_a_file_are_taken(motions, capsys):
         ("convert . --out a.csv", "--out must be a folder for 2 motions"),
         ("convert . --out ./out --to npz", "must not be in ., a folder read."),
         ("convert motion0.csv --out a.csv --joints 23", "--joints 23 needs joints"),
+        (
+            "convert motion0.csv --out a.pkl --joint-order isaaclab",
+            "--joint-order is for csv, npz, bag: the format gmr has one order",
+        ),
         ("pad motion0.csv --begin stan --out a.csv", "Unknown pose 'stan'. Known"),
     ],
 )

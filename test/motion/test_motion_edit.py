@@ -305,6 +305,13 @@ def test_at_its_highest_speed_a_joint_is_at_its_limit():
     robot = Description("two", "trunk", links, tuple(joints))
     fast = whole.at_speed(highest_speed(whole, robot))
     assert (joint_speeds(fast) / limits).max() == pytest.approx(1.0)
+    stuck = replace(robot, joints=(joints[0], replace(joints[1], velocity=0.0)))
+    with pytest.raises(MotionError, match="elbow cannot move: its velocity limit is"):
+        highest_speed(whole, stuck)
+    resting = whole.positions * [1.0, 0.0]
+    knee = replace(whole, positions=resting, velocities=whole.velocities * [1.0, 0.0])
+    fast = knee.at_speed(highest_speed(knee, stuck))
+    assert joint_speeds(fast)[0] == pytest.approx(3.0)
     still = replace(whole, positions=np.zeros((8, 2)), velocities=None)
     with pytest.raises(MotionError, match="No joint with a velocity limit moves"):
         highest_speed(still, robot)

@@ -97,7 +97,8 @@ def test_times_that_are_not_even_are_made_even_and_told(tmp_path):
     wanted = sample(motion, 0.5 + found.times)
     np.testing.assert_allclose(found.positions, wanted.positions, atol=1e-12)
     np.testing.assert_allclose(found.base_poses, wanted.base_poses, atol=1e-12)
-    np.testing.assert_allclose(found.velocities, wanted.velocities, atol=1e-12)
+    velocities = [*wanted.velocities[:-1], motion.velocities[-1]]
+    np.testing.assert_allclose(found.velocities, velocities, atol=1e-12)
 
 
 @pytest.mark.parametrize("name", ["B_HandsUp", "J_ShortDance16_JazzWalk"])

@@ -1,6 +1,7 @@
 """Written formats: read by numpy alone as by us, and by every other format in turn."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from g1_description.errors import MotionError
-from g1_description.motion.files.conventions import G1_JOINTS
+from g1_description.motion.files.conventions import ASAP_JOINTS, G1_JOINTS
 from g1_description.motion.files.formats import WRITERS, read_motion, write_motion
 from g1_description.motion.motion import Motion
 from g1_description.robot.kinematics import Kinematics
@@ -36,6 +37,9 @@ ORDERS = {"lafan1": "xyzw", "kimodo": "wxyz"}
 """What the user must tell, as the robot may lie."""
 
 WITH_VELOCITIES = ("csv", "npz", "mjlab", "whole_body_tracking", "sonic", "holomotion")
+UNTOLD = ("lafan1", "kimodo", "holomotion", "gmr")
+"""Formats in which 23 joints are ASAP's."""
+
 SINGLE = ("mjlab", "whole_body_tracking", "holomotion")
 """Formats of float32."""
 
@@ -243,6 +247,40 @@ def test_sonic_has_one_rate_and_the_joints_of_the_g1(tmp_path):
     robot = read_model(str(REPOSITORY / "test" / "data" / "revolute.urdf")).description
     with pytest.raises(MotionError, match=r"needs joints that .* does not have"):
         write_motion(tmp_path / "s", motion, robot, None, "sonic")
+
+
+@pytest.mark.parametrize("names", [ASAP_JOINTS, G1_JOINTS[23]])
+@pytest.mark.parametrize("name", [n for n in WRITERS if n != "sonic"])
+def test_a_motion_of_a_smaller_g1_keeps_its_joints(tmp_path, name, names):
+    part = a_motion(8).arranged(names[::-1])
+    path = tmp_path / f"motion{WRITERS[name].ending}"
+    notes = write_motion(path, part, G1, name=name)
+    found = read_motion(path, G1, RATE, order=ORDERS.get(name))
+    if names != ASAP_JOINTS and name in UNTOLD:
+        assert "could be read as ASAP's" in " ".join(notes)
+        assert_same(found, part.arranged(JOINTS), 1e-6)
+        return
+    assert not any("Missing joints" in note for note in notes)
+    assert_same(found, part, 1e-6)
+    if name not in ("csv", "npz"):
+        told = "Only the motion's 23 joints are written, not all 29"
+        assert any(note.startswith(told) for note in notes)
+
+
+def test_a_robot_of_another_order_keeps_it(tmp_path):
+    robot = replace(G1, joints=G1.joints[::-1])
+    write_motion(tmp_path / "a.npz", a_motion(9), robot, name="qpos")
+    order = [joint.name for joint in robot.movable_joints]
+    assert order != [*JOINTS]
+    assert np.load(tmp_path / "a.npz")["joint_names"].tolist() == order
+
+
+def test_at_another_rate_the_last_velocity_is_kept(tmp_path):
+    motion = replace(a_motion(7), times=np.arange(4) / 30.0)
+    write_motion(tmp_path / "a.npz", motion, G1, 50.0, "mjlab")
+    found = np.load(tmp_path / "a.npz")["joint_vel"]
+    assert len(found) == 6
+    np.testing.assert_allclose(found[[0, -1]], motion.velocities[[0, -1]], rtol=1e-5)
 
 
 def test_gimbal_lock_keeps_the_turn(tmp_path):

@@ -83,6 +83,21 @@ def test_only_what_is_asked_for_is_added(robot):
         padded(robot.description, motion, end={}, seconds=0.0)
 
 
+def test_a_pose_is_as_far_from_its_ways_as_their_samples(robot):
+    zero = of(robot, "zero")
+    pose = robot.trajectory(np.zeros(1), robot.pose("squat")[np.newaxis])
+    found = padded(robot.description, pose, zero, zero)
+    np.testing.assert_allclose(np.diff(found.times), 1 / 30.0)
+
+
+def test_a_way_of_too_many_samples_is_refused(robot):
+    motion = walk(robot).at_speed(1e6)
+    with pytest.raises(
+        InvalidValueError, match=r"at the motion's 3e\+07 Hz; the limit"
+    ):
+        padded(robot.description, motion, of(robot, "zero"))
+
+
 def test_a_joint_that_cannot_move_is_told(robot):
     joints = [replace(joint, velocity=0.0) for joint in robot.description.joints]
     stuck = replace(robot.description, joints=tuple(joints))

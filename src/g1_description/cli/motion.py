@@ -13,7 +13,6 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -54,7 +53,7 @@ from g1_description.robot.description import Description
 from g1_description.ros.lifecycle import own_arguments
 from g1_description.text import listed
 
-EVEN = 1e-3
+JITTER = 1e-3
 """Largest deviation of evenly spaced times, relative to their distance."""
 
 
@@ -107,19 +106,7 @@ def read(path: Path, args: Reading, robot: Description) -> tuple[MotionSource, M
         MotionError: If it cannot be read.
     """
     source = MotionSource(path, args.fps, args.topic, args.order)
-    if source.name is not None:
-        chosen, stamp = source.name, source.path.stat().st_mtime_ns
-        source = _source(source.path, args.fps, args.topic, args.order, stamp)
-        source.name = chosen
     return source, read_source(source, robot, args.format, not args.reads_all)
-
-
-@lru_cache(maxsize=1)
-def _source(
-    path: Path, fps: float | None, topic: str | None, order: str | None, _: int
-) -> MotionSource:
-    """Keep the last file of several motions, so that it is read once for all."""
-    return MotionSource(path, fps, topic, order)
 
 
 def written(
@@ -146,7 +133,7 @@ def facts_of(motion: Motion) -> dict[str, Any]:
         "joints": motion.joint_names,
         "samples": len(motion.times),
         "rate": rate,
-        "is_even": bool(np.ptp(gaps) <= EVEN * gaps.mean()) if gaps.size else True,
+        "is_even": bool(np.ptp(gaps) <= JITTER * gaps.mean()) if gaps.size else True,
         "duration": motion.duration,
         "has_times": motion.has_times,
         "has_base": motion.base_poses is not None,
@@ -239,11 +226,15 @@ def _in_folder(out: Path, tasks: Sequence[Task], ending: str) -> dict[str, Path]
     absolute = [Path(os.path.abspath(file)) for _, file, _ in sources]
     common = os.path.commonpath([path.parent for path in absolute])
     relative = [path.relative_to(common) for path in absolute]
-    stems = Counter(file.with_suffix("") for file in {*relative})
+    short = {  # a folder has no extension
+        file: file if path.is_dir() else file.with_suffix("")
+        for file, path in zip(relative, absolute)
+    }
+    stems = Counter(short.values())
     places = {}
     for (task, _, name), file in zip(sources, relative):
         # Two files may differ in their extensions only.
-        stem = file if stems[file.with_suffix("")] > 1 else file.with_suffix("")
+        stem = file if stems[short[file]] > 1 else short[file]
         if name:
             stem = stem / re.sub(r"[^\w.+-]+", "_", name).strip(".")
         places[task.name] = out / stem.with_name(stem.name + ending)
@@ -269,7 +260,8 @@ def run(args: Reading) -> int:
         KeyboardInterrupt: If it is interrupted before the first outcome.
     """
     selection = Selection(args.selection) if args.selection else None
-    tasks = motion_files(args.files, args.every, selection).tasks
+    repeats = isinstance(args, Join)
+    tasks = motion_files(args.files, args.every, selection, repeats).tasks
     robot = Robot(args.model or MODEL).description
     args.check(robot)
     if isinstance(args, Join):

@@ -35,6 +35,9 @@ JOINTS: Mapping[str, tuple[str, ...]] = {
 ISAAC_LAB = "isaaclab"
 ORDERS = ("mujoco", ISAAC_LAB)
 
+ANY_ORDER = ("csv", "npz", "bag")
+"""Formats that name joints in any order."""
+
 
 def new_names(text: str) -> dict[str, str]:
     """Read pairs of names."""
@@ -138,7 +141,14 @@ class Convert(Edit):
     )
 
     def check(self, robot: Description) -> None:
-        """Check that the robot has the joints."""
+        """Check that the robot has the joints, and the format an order of them."""
+        endings = {WRITERS[name].ending: name for name in reversed([*WRITERS])}
+        to = self.to or endings.get(self.out.suffix.lower())
+        if self.joint_order is not None and to not in (None, *ANY_ORDER):
+            raise InvalidValueError(
+                f"--joint-order is for {', '.join(ANY_ORDER)}: the format {to} has one "
+                "order of joints."
+            )
         own = {joint.name for joint in robot.movable_joints}
         missing = [n for n in JOINTS.get(self.joints or "", ()) if n not in own]
         if missing:

@@ -33,7 +33,10 @@ class MotionFiles:
 
 
 def motion_files(
-    paths: Sequence[Path], every: bool = False, selection: Selection | None = None
+    paths: Sequence[Path],
+    every: bool = False,
+    selection: Selection | None = None,
+    repeats: bool = False,
 ) -> MotionFiles:
     """Find the motions.
 
@@ -41,21 +44,26 @@ def motion_files(
         paths: Files, ``FILE#NAME``, and folders; some of these are one motion.
         every: Whether each motion of a file that has several is a task.
         selection: Those to take; None: all.
+        repeats: Whether a motion that is given again is another task.
 
     Returns:
-        Each once, in the order of the paths; those of a folder by their names.
+        Each once, unless ``repeats``, in the order of the paths; those of a folder by
+        their names.
 
     Raises:
         InvalidValueError: If a file does not exist, a folder has no motions, or the
             selection keeps none.
     """
-    found: dict[str, tuple[str, Path]] = {}
+    found: dict[tuple[str, int], tuple[str, Path]] = {}
     named, n_left_out = set(), 0
 
     def add(path: Path) -> list[str]:
         """Add a file, unless it was found by another name; return its first names."""
-        names = _names(path) if every else [path]
-        return [found.setdefault(_key(name), (str(name), name))[0] for name in names]
+        first = []
+        for name in _names(path) if every else [path]:
+            key = _key(name), len(found) if repeats else 0
+            first.append(found.setdefault(key, (str(name), name))[0])
+        return first
 
     for path in paths:
         file, _ = split(path)

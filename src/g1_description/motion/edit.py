@@ -82,7 +82,7 @@ def joined(
         motions: At least one. All have the joints of the first, in any order, and all
             or none have a base.
         blend: Time in which the end of a motion becomes the beginning of the next, in
-            [s]; 0: the next one begins one sample later.
+            [s]; 0: the next one begins one sample later, at its own rate if it has one.
         follows: Whether a motion is moved to the place and heading at which the one
             before ends; its height and tilt stay.
 
@@ -118,7 +118,8 @@ def joined(
 
 def _joined(before: Motion, after: Motion, blend: float, follows: bool) -> Motion:
     """Join two motions of the same joints."""
-    begin = before.duration - blend if blend else before.duration + _period(after)
+    gap = _period(after) or _period(before) or SINGLE_TIME
+    begin = before.duration - blend if blend else before.duration + gap
     if follows and before.base_poses is not None:
         place = sample(before, begin).base_poses
         assert place is not None
@@ -150,9 +151,9 @@ def _joined(before: Motion, after: Motion, blend: float, follows: bool) -> Motio
 
 
 def _period(trajectory: Motion) -> float:
-    """Return the average time between two samples, in [s]."""
+    """Return the average time between two samples, in [s]; 0 for a single one."""
     span = trajectory.duration - float(trajectory.times[0])
-    return span / (len(trajectory.times) - 1) if span else SINGLE_TIME
+    return span / (len(trajectory.times) - 1) if span else 0.0
 
 
 def _blended(before: Motion, after: Motion, blend: float) -> Motion:
@@ -228,11 +229,15 @@ def highest_speed(trajectory: Motion, robot: Description) -> float:
         The largest speed for ``at_speed``: at it, a joint is at its limit.
 
     Raises:
-        MotionError: If no joint with a limit moves.
+        MotionError: If no joint with a limit moves, or one whose limit is 0.
     """
     limits = {joint.name: joint.velocity for joint in robot.movable_joints}
     bounds = np.array([limits.get(name, np.inf) for name in trajectory.joint_names])
-    share = (joint_speeds(trajectory) / bounds).max(initial=0.0)
+    speeds = joint_speeds(trajectory)
+    for name, speed, bound in zip(trajectory.joint_names, speeds, bounds):
+        if speed and not bound:
+            raise MotionError(f"{name} cannot move: its velocity limit is 0.")
+    share = (speeds / np.where(speeds == 0.0, 1.0, bounds)).max(initial=0.0)
     if not share > 0.0:
         raise MotionError("No joint with a velocity limit moves.")
     return float(1.0 / share)

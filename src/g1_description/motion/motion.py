@@ -28,6 +28,9 @@ resolution of 1 ns."""
 MAX_SAMPLES = 1_000_000
 """Most samples of a resampled motion."""
 
+SAME_END = 1e-3
+"""Periods by which a resampled motion may end later: files round times."""
+
 
 @dataclass(frozen=True, eq=False)
 class Motion:
@@ -181,14 +184,15 @@ class Motion:
         if not 0.0 < rate < np.inf:
             raise InvalidValueError(f"The rate must be greater than 0 (got {rate:g}).")
         first, last = float(self.times[0]), self.duration
-        n_samples = (last - first) * rate + 1e-6
+        n_samples = (last - first) * rate + SAME_END
         if n_samples > MAX_SAMPLES:
             raise InvalidValueError(
                 f"The motion would have {n_samples:.0f} samples at {rate:g} Hz; the "
                 f"limit is {MAX_SAMPLES}."
             )
-        times = np.minimum(first + np.arange(int(n_samples) + 1) / rate, last)
-        return replace(self._sampled(times), has_times=True)
+        times = first + np.arange(int(n_samples) + 1) / rate
+        found = self._sampled(np.minimum(times, last))
+        return replace(found, times=times, has_times=True)
 
     def at_speed(self, speed: float, start: float = 0.0) -> Motion:
         """Scale the speed.
@@ -418,19 +422,6 @@ def fitted(motion: Motion, robot: Description) -> Motion:
         notes.append(
             f"Joints missing from the motion are not moved: {listed(missing)}."
         )
-    return replace(_without(motion, unknown), notes=tuple(notes))
-
-
-def _without(motion: Motion, unknown: Sequence[str]) -> Motion:
-    """Remove some joints."""
-    if not unknown:
-        return motion
-    names = motion.joint_names
-    kept = [number for number, name in enumerate(names) if name not in unknown]
-    velocities = motion.velocities
-    return replace(
-        motion,
-        joint_names=tuple(names[number] for number in kept),
-        positions=motion.positions[:, kept],
-        velocities=None if velocities is None else velocities[:, kept],
-    )
+    if unknown:
+        motion = motion.arranged([name for name in names if name not in unknown])
+    return replace(motion, notes=tuple(notes))

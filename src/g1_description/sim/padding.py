@@ -23,6 +23,10 @@ USUAL_PERIOD = 1.0 / 30.0
 """Time between samples before or after a single sample, in [s]."""
 
 
+MAX_SAMPLES = 100_000
+"""Most samples of a way."""
+
+
 def padded(
     robot: Description,
     motion: Motion,
@@ -51,7 +55,8 @@ def padded(
 
     Raises:
         MotionError: If a moving joint has a velocity limit of 0.
-        InvalidValueError: If the duration is not positive.
+        InvalidValueError: If the duration is not positive, or makes too many samples at
+            the motion's rate.
     """
     if not 0.0 < seconds < math.inf:
         raise InvalidValueError(f"The time must be greater than 0 (got {seconds:g}).")
@@ -85,6 +90,11 @@ def _way(
             raise MotionError(f"{name} cannot move: its velocity limit is 0.")
         if change:
             needed = max(needed, PEAK * change / limit)
+    if needed / period > MAX_SAMPLES:
+        raise InvalidValueError(
+            f"The way would have {needed / period:.0f} samples at the motion's "
+            f"{1.0 / period:g} Hz; the limit is {MAX_SAMPLES}. Resample the motion."
+        )
     count = max(2, math.ceil(needed / period - 1e-9))
     fractions = np.arange(count + 1) / count
     seconds = count * period

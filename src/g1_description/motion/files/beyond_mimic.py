@@ -28,15 +28,15 @@ from g1_description.motion.files.conventions import (
 )
 from g1_description.motion.files.source import MotionSource
 from g1_description.motion.files.writing import (
-    MAX_SAMPLES,
     bodies,
     even,
     npz,
     number,
+    usual_joints,
     velocities_of,
     whole,
 )
-from g1_description.motion.motion import Motion
+from g1_description.motion.motion import MAX_SAMPLES, Motion
 from g1_description.robot.description import Description, Joint
 from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.tree import below
@@ -265,8 +265,7 @@ def write_whole_body_tracking(
 
     Arguments, results and errors are those of ``write_mjlab``.
     """
-    own = [joint.name for joint in robot.movable_joints]
-    isaac = breadth_first(robot, own)
+    isaac = breadth_first(robot, usual_joints(motion, robot))
     return _for_training(*whole(motion, robot, isaac), robot, rate)
 
 

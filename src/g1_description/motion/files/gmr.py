@@ -118,7 +118,7 @@ def write(
     Raises:
         MotionError: If it has no base or too many samples.
     """
-    found, of_joints = whole(motion, robot)
+    found, of_joints = whole(motion, robot, tells=False)
     found, fps, of_times = even(found, rate)
     notes = (*of_joints, *of_times)
     if motion.velocities is not None:

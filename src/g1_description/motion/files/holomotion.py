@@ -105,7 +105,7 @@ def write(
     Raises:
         MotionError: If it has no base or too many samples.
     """
-    found, notes = whole(motion, robot)
+    found, notes = whole(motion, robot, tells=False)
     found, fps, of_times = even(found, rate)
     poses, twists = bodies(found, robot)
     n_samples, n_joints = found.positions.shape

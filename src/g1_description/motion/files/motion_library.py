@@ -17,7 +17,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from g1_description.motion.files.conventions import ASAP_JOINTS, G1_JOINTS, layouts
+from g1_description.motion.files.conventions import ASAP_JOINTS, layouts
 from g1_description.motion.files.gmr import NAMES, WITHOUT_VELOCITIES, read_arrays
 from g1_description.motion.files.pickles import pickled
 from g1_description.motion.files.source import Arrays, MotionSource
@@ -105,8 +105,6 @@ def write(
 ) -> tuple[bytes, tuple[str, ...]]:
     """Write a library of one motion; float32, as upstream's.
 
-    Its joints are the robot's or, of a motion of ASAP's or Unitree's 23 joints, those.
-
     Args:
         motion: With a base; joints missing in it are at zero.
         robot: The robot.
@@ -118,10 +116,7 @@ def write(
     Raises:
         MotionError: If it has no base or too many samples.
     """
-    of_23 = (ASAP_JOINTS, G1_JOINTS[23])
-    own = {*motion.joint_names}
-    layout = next((order for order in of_23 if {*order} == own), None)
-    found, of_joints = whole(motion, robot, layout)
+    found, of_joints = whole(motion, robot)
     found, fps, of_times = even(found, rate)
     notes = (*of_joints, *of_times)
     if motion.velocities is not None:
@@ -131,7 +126,7 @@ def write(
     n_samples, n_joints = positions.shape
     known = {joint.name: joint.axis for joint in robot.movable_joints}
     axes = np.reshape([known[name] for name in found.joint_names], (n_joints, 3))
-    n_more = N_EXTENDED if layout == ASAP_JOINTS else 0
+    n_more = N_EXTENDED if found.joint_names == ASAP_JOINTS else 0
     vectors = [
         to_rotation_vector(base[:, np.newaxis, 3:]),
         positions[..., np.newaxis] * axes,

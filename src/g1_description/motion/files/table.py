@@ -284,7 +284,7 @@ def _without_names(
     motion: Motion, robot: Description, rate: float | None
 ) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
     """Return base poses and joints at even times, and messages."""
-    found, notes = whole(motion, robot)
+    found, notes = whole(motion, robot, tells=False)
     found, fps, of_times = even(found, rate)
     told = untold(fps, DEFAULT_RATE)
     assert found.base_poses is not None

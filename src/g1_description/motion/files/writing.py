@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from g1_description.errors import MotionError
-from g1_description.motion.files.conventions import of_robot
+from g1_description.errors import InvalidValueError, MotionError
+from g1_description.motion.files.conventions import ASAP_JOINTS, G1_JOINTS, of_robot
 from g1_description.motion.motion import Motion, sample
 from g1_description.robot.description import Description
 from g1_description.robot.kinematics import Kinematics
@@ -21,9 +21,6 @@ EVEN = 1e-6
 
 BATCH = 1000
 """Samples per chunk when bodies are computed."""
-
-MAX_SAMPLES = 1_000_000
-"""Most samples that are written."""
 
 
 def npz(arrays: Mapping[str, Any]) -> bytes:
@@ -49,14 +46,19 @@ def untold(rate: float, usual: float) -> tuple[str, ...]:
 
 
 def whole(
-    motion: Motion, robot: Description, names: Sequence[str] | None = None
+    motion: Motion,
+    robot: Description,
+    names: Sequence[str] | None = None,
+    tells: bool = True,
 ) -> tuple[Motion, tuple[str, ...]]:
     """Complete a motion for a format that has a base and all joints, without names.
 
     Args:
         motion: Of the robot.
         robot: The robot.
-        names: Of the format's joints, in its order; None: those of the robot.
+        names: Of the format's joints, in its order; None: ``usual_joints``.
+        tells: Whether the format tells Unitree's 23 joints from ASAP's; if not, those
+            of the robot are written instead of Unitree's.
 
     Returns:
         The motion of these joints, at zero where the motion has none, and a message on
@@ -70,39 +72,42 @@ def whole(
             "This format needs base poses, and the motion has none; write .csv."
         )
     own = [joint.name for joint in robot.movable_joints]
-    names = tuple(own if names is None else names)
+    names = usual_joints(motion, robot) if names is None else tuple(names)
+    is_open = not tells and names == G1_JOINTS[23] and len(own) > len(names)
+    names = tuple(own) if is_open else names
     lacking = [name for name in names if name not in own]
     if lacking:
         raise MotionError(
             f"This format needs joints that {robot.name} does not have: "
             f"{listed(lacking)}."
         )
-    velocities = motion.velocities
-    if velocities is not None:
-        velocities = _columns(motion, velocities, names)
-    positions = _columns(motion, motion.positions, names)
-    found = replace(
-        motion, joint_names=names, positions=positions, velocities=velocities
-    )
+    found = replace(motion.arranged(names), notes=motion.notes)
     notes = []
     missing = [name for name in names if name not in motion.joint_names]
     if missing:
-        notes.append(f"Missing joints are written as 0: {listed(missing)}.")
+        why = "; 23 joints could be read as ASAP's" if is_open else ""
+        notes.append(f"Missing joints are written as 0: {listed(missing)}{why}.")
     left_out = [name for name in motion.joint_names if name not in names]
     if left_out:
         notes.append(
             f"Joints that the format does not have are left out: {listed(left_out)}."
         )
+    if len(names) < len(own) and not notes:
+        notes.append(
+            f"Only the motion's {len(names)} joints are written, not all {len(own)}."
+        )
     return found, tuple(notes)
 
 
-def _columns(motion: Motion, values: np.ndarray, names: Sequence[str]) -> np.ndarray:
-    """Arrange columns of joints; missing ones are zero."""
-    found = np.zeros((len(values), len(names)))
-    for number, name in enumerate(names):
-        if name in motion.joint_names:
-            found[:, number] = values[:, motion.joint_names.index(name)]
-    return found
+def usual_joints(motion: Motion, robot: Description) -> tuple[str, ...]:
+    """Return the joints that are written, in the order of the robot's file.
+
+    Those of the robot or, if the motion has exactly the joints of a smaller version of
+    the G1, those.
+    """
+    own = tuple(joint.name for joint in robot.movable_joints)
+    known = (own, ASAP_JOINTS, *G1_JOINTS.values())
+    return next((n for n in known if {*n} == {*motion.joint_names}), own)
 
 
 def even(
@@ -118,28 +123,22 @@ def even(
         The motion, its samples per second, and a message if it was resampled.
 
     Raises:
-        MotionError: If it would have too many samples.
+        MotionError: If it would have too many samples, or the rate is not positive.
     """
     times = trajectory.times - trajectory.times[0]
     mean = (len(times) - 1) / times[-1] if len(times) > 1 else 30.0
     fps = rate or (round(mean) if abs(mean - round(mean)) < 1e-3 else mean)
-    n_samples = int(times[-1] * fps + 1e-3) + 1
-    if n_samples > MAX_SAMPLES:
-        raise MotionError(
-            f"The motion would have {n_samples} samples at {fps:g} Hz; the limit is "
-            f"{MAX_SAMPLES}."
-        )
-    regular = np.arange(n_samples) / fps
+    try:
+        found = trajectory.resampled(fps)
+    except InvalidValueError as error:
+        raise MotionError(str(error)) from error
+    n_samples, regular = len(found.times), found.times - found.times[0]
     if n_samples == len(times) and np.abs(times - regular).max() <= EVEN:
         return trajectory, float(fps), ()
-    found = sample(trajectory, trajectory.times[0] + regular)
-    velocities = None if trajectory.velocities is None else found.velocities
-    names, poses = trajectory.joint_names, found.base_poses
     is_even = len(times) < 2 or np.ptp(np.diff(times)) <= EVEN
     why = "Resampled" if is_even else "The times are not evenly spaced: resampled"
     note = f"{why} to {n_samples} samples at {fps:g} Hz."
-    found_motion = Motion(regular, names, found.positions, velocities, poses)
-    return found_motion, float(fps), (note,)
+    return found, float(fps), (note,)
 
 
 def bodies(trajectory: Motion, robot: Description) -> tuple[np.ndarray, np.ndarray]:
