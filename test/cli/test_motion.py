@@ -147,6 +147,14 @@ def test_joints_are_chosen_and_ordered_as_isaac_lab_does(folder, capsys):
     np.testing.assert_array_equal(back.positions, poses * kept)
 
 
+def test_a_report_in_the_folder_is_no_failure(folder, capsys):
+    write_motions(folder, 0.5)
+    (folder / "report.csv").write_text("file,result\nmotion0.csv,passed\n")
+    assert run("info", ".") == 0
+    assert "2 motions: 1 read, 1 not a motion." in capsys.readouterr().err
+    assert run("info", "report.csv") == 1  # it was named
+
+
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_a_folder_is_converted_and_gone_on_with(folder, capsys, jobs):
     (folder / "in" / "deeper").mkdir(parents=True)

@@ -315,3 +315,11 @@ def test_at_its_highest_speed_a_joint_is_at_its_limit():
     still = replace(whole, positions=np.zeros((8, 2)), velocities=None)
     with pytest.raises(MotionError, match="No joint with a velocity limit moves"):
         highest_speed(still, robot)
+
+
+@pytest.mark.parametrize("speed", [0.0, -1.0, np.nan])
+def test_a_speed_that_is_none_and_nothing_to_join_are_refused(speed):
+    with pytest.raises(InvalidValueError, match="speed must be greater than 0"):
+        motion().at_speed(speed)
+    with pytest.raises(InvalidValueError, match="no motions to join"):
+        joined([])

@@ -28,14 +28,18 @@ from g1_description.checks.batch import (
     check_files,
     mishap,
 )
-from g1_description.checks.report import FileResult
+from g1_description.checks.report import NO_MOTION, NOT_READ, FileResult
 from g1_description.cli.motion_edits import COMMANDS, Edit, Info, Join, Reading
 from g1_description.cli.motion_paths import motion_files
 from g1_description.cli.progress import Printer
 from g1_description.cli.recorded_file import WRITERS
 from g1_description.cli.start import INTERRUPTED
 from g1_description.command_line import OneSentenceParser, parse, say
-from g1_description.errors import G1DescriptionError, InvalidValueError
+from g1_description.errors import (
+    G1DescriptionError,
+    InvalidValueError,
+    NoMotionError,
+)
 from g1_description.files.atomic import write_whole
 from g1_description.interrupts import uninterrupted
 from g1_description.motion.edit import base_speed, joint_speeds
@@ -83,7 +87,8 @@ class MotionWorker(FileWorker):
         try:
             return self._outcome(name, content)
         except G1DescriptionError as error:
-            return FileResult(name, problem=str(error))
+            result = NO_MOTION if isinstance(error, NoMotionError) else NOT_READ
+            return FileResult(name, problem=str(error), without_verdict=result)
         except Exception as error:  # any error of a library on a damaged file
             return FileResult(name, problem=mishap(error))
 
@@ -261,7 +266,8 @@ def run(args: Reading) -> int:
     """
     selection = Selection(args.selection) if args.selection else None
     repeats = isinstance(args, Join)
-    tasks = motion_files(args.files, args.every, selection, repeats).tasks
+    files = motion_files(args.files, args.every, selection, repeats)
+    tasks = files.tasks
     robot = Robot(args.model or MODEL).description
     args.check(robot)
     if isinstance(args, Join):
@@ -280,7 +286,10 @@ def run(args: Reading) -> int:
                 for task, outcome in check_files(pool, left):
                     with uninterrupted():  # a folder is written whole, and counted
                         text, problem = _write(task, outcome, args)
-                        counts[FAILED if problem else DONE] += 1
+                        is_other = outcome.result == NO_MOTION
+                        is_other &= task.name not in files.named
+                        result = OTHER if is_other else FAILED
+                        counts[result if problem else DONE] += 1
                     printer.add(task.number, text)
         except KeyboardInterrupt:
             is_interrupted = True
@@ -291,7 +300,7 @@ def run(args: Reading) -> int:
     return 1 if counts[FAILED] else 0
 
 
-DONE, FAILED = "done", "failed"
+DONE, FAILED, OTHER = "done", "failed", NO_MOTION
 
 
 def _is_kept(args: Reading, place: Path | None) -> bool:
@@ -334,6 +343,7 @@ def _summarize(counts: Mapping[str, int], done: str, n_tasks: int, n_left: int) 
         return
     parts = [f"{counts[DONE]} {done}"]
     parts += [f"{counts[FAILED]} failed"] if counts[FAILED] else []
+    parts += [f"{counts[OTHER]} {OTHER}"] if counts[OTHER] else []
     parts += [f"{n_missing} not done"] if n_missing else []
     if n_kept:
         parts.append(f"{n_kept} exist and were kept, --force replaces them")

@@ -92,8 +92,10 @@ def joined(
 
     Raises:
         MotionError: If joints or bases differ.
-        InvalidValueError: If the blend is longer than a motion.
+        InvalidValueError: If the blend is longer than a motion, or there is none.
     """
+    if not motions:
+        raise InvalidValueError("There are no motions to join.")
     whole = motions[0]
     for number, other in enumerate(motions[1:], 2):
         differ = {*whole.joint_names} ^ {*other.joint_names}

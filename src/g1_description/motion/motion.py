@@ -200,7 +200,14 @@ class Motion:
         Args:
             speed: Seconds of the motion in a second, positive.
             start: Time of the motion that becomes zero, in [s].
+
+        Raises:
+            InvalidValueError: If the speed is not positive.
         """
+        if not 0.0 < speed < np.inf:
+            raise InvalidValueError(
+                f"The speed must be greater than 0 (got {speed:g})."
+            )
         velocities = self.velocities
         return replace(
             self,
