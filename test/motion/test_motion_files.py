@@ -430,6 +430,7 @@ BAD = {
     "nothing": ("time\n0\n1\n", "neither joints nor a base"),
     "empty": ("", "is empty"),
     "words": ("hello world\n", "Line 1"),
+    "HDF5": (b"\x89HDF\r\n\x1a\n" + b"\x00\xff" * 100, "HDF5 is not read; save"),
     "binary": (b"\xff\xfe\x00\x01" * 100, "Unknown format: not an npz, pickle, ros"),
     "line": (b"time,a\n0,\x80", r"UTF-8 text .see line 2\)"),
     "npy": (npy, "No known format has the arrays npy"),

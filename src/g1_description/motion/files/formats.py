@@ -124,6 +124,10 @@ WRITTEN: Mapping[str, ModuleType] = {".csv": table, ".npz": beyond_mimic}
 """Formats that can be recorded, by extension."""
 
 
+OTHERS = {b"\x89HDF": "HDF5", b"PAR1": "Parquet"}
+"""Formats of data sets that need large libraries, by first bytes."""
+
+
 def read_motion(
     path: Path,
     robot: Description,
@@ -259,6 +263,9 @@ def _problem(source: MotionSource) -> str:
         return f"No known format has the arrays {found}."
     if source.is_zip:
         return "Not an npz: a zip file without arrays."
+    for begin, name in OTHERS.items():
+        if source.head.startswith(begin):
+            return f"{name} is not read; save the motion with numpy.savez or as CSV."
     return f"Unknown format: not an npz, pickle, rosbag or UTF-8 text{_line(source)}."
 
 
