@@ -12,6 +12,7 @@ from g1_description import Robot
 from g1_description.checks.batch import FileChecker
 from g1_description.checks.report import FileResult, csv_text, json_text
 from g1_description.errors import InvalidValueError
+from g1_description.motion.paths import split
 from g1_description.motion.selection import FILE, Choice, Selection
 from g1_description.web.library import BY_RULE, REPORTS, UNKNOWN, Library, View
 
@@ -47,6 +48,25 @@ def report(folder, named, left_out="motion2.csv", ending=".csv"):
 def library(folder, path=None):
     files = sorted(folder.rglob("*.csv"))
     return Library(folder, files, path)
+
+
+def test_motions_in_a_file_of_several_are_those_of_the_report(folder):
+    library_file = folder / "deep" / "lib # 1.pkl"
+    library_file.touch()
+    path = report(folder, "motions")
+    with path.open("a") as file:
+        row = ",".join([""] * (path.read_text().splitlines()[0].count(",") - 1))
+        for name in ("/home/x y", "b"):
+            file.write(f"motions/deep/lib # 1.pkl#{name},passed{row}\n")
+    found = Library(folder, [*sorted(folder.rglob("*.csv")), library_file], path)
+    known = {entry.name: entry for entry in found.entries}
+    assert "deep/lib # 1.pkl" not in known
+    assert known["deep/lib # 1.pkl#b"].result == "passed"
+    motion = known["deep/lib # 1.pkl#/home/x y"].path
+    assert split(motion) == (library_file, "/home/x y")
+    found.choose(known["deep/lib # 1.pkl#b"], choice="exclude")
+    assert not found.selection.keeps(f"{library_file}#b")
+    assert found.selection.keeps(motion)
 
 
 def names(found):

@@ -7,6 +7,7 @@ import gc
 import json
 import math
 import os
+import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -119,8 +120,9 @@ class Library:
         if report is not None:
             _read_report(report, folder, found)
         self.folder = folder
-        self.entries = [one for one in found.values() if one.result != NO_MOTION]
-        """In the order of the files."""
+        in_order = sorted(found.values(), key=lambda entry: entry.path.parts)
+        self.entries = [one for one in in_order if one.result != NO_MOTION]
+        """In the order of their paths."""
         self.selection = Selection(selection or folder / "selection.yaml", False)
 
     def listed(self, view: View) -> list[Entry]:
@@ -218,8 +220,12 @@ def _json_rows(file: TextIO) -> list[dict[str, Any]]:
     return rows
 
 
-def _read_report(path: Path, folder: Path, entries: Mapping[str, Entry]) -> None:
-    """Give motions what a report says of them."""
+def _read_report(path: Path, folder: Path, entries: dict[str, Entry]) -> None:
+    """Give motions what a report says of them.
+
+    A file of several motions becomes the motions that the report has of it.
+    """
+    several = set()
     try:
         with path.open(encoding="utf-8", newline="") as file:
             is_json = path.suffix.lower() == ".json"
@@ -227,13 +233,27 @@ def _read_report(path: Path, folder: Path, entries: Mapping[str, Entry]) -> None
         files = [PurePath(row["file"]).parts for row in rows]
         prefix = _prefix(files, folder, entries)
         for row, parts in zip(rows, files):
-            entry = entries.get("/".join(parts[len(prefix) :]))
-            if entry is not None and parts[: len(prefix)] == prefix:
-                _fill(entry, row, path)
+            name = "/".join(parts[len(prefix) :])
+            file_name = _file_of(name, entries)
+            if file_name is None or parts[: len(prefix)] != prefix:
+                continue
+            if name != file_name:
+                motion = Path(f"{entries[file_name].path}{name[len(file_name) :]}")
+                entries[name] = Entry(name, motion)
+                several.add(file_name)
+            _fill(entries[name], row, path)
+        for name in several:
+            del entries[name]
     except OSError as error:
         raise InvalidValueError(f"{path} cannot be read: {error.strerror}.") from error
     except NOT_AS_WRITTEN as error:
         raise InvalidValueError(NO_REPORT.format(path)) from error
+
+
+def _file_of(name: str, entries: Mapping[str, Entry]) -> str | None:
+    """Return the name of the file of ``NAME`` or ``NAME#MOTION``, if it is there."""
+    ends = [len(name), *(mark.start() for mark in re.finditer("#", name))]
+    return next((name[:end] for end in ends if name[:end] in entries), None)
 
 
 def _prefix(
@@ -244,7 +264,7 @@ def _prefix(
         parts[:n]
         for parts in files
         for n in range(len(parts))
-        if "/".join(parts[n:]) in entries
+        if _file_of("/".join(parts[n:]), entries) is not None
     )
     name = folder.resolve().name
     return max(counts, key=lambda p: (counts[p], p[-1:] == (name,)), default=())
