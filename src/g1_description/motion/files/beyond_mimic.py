@@ -14,7 +14,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -32,9 +31,9 @@ from g1_description.motion.files.writing import (
     even,
     npz,
     number,
+    prepared,
     usual_joints,
     velocities_of,
-    whole,
 )
 from g1_description.motion.motion import MAX_SAMPLES, Motion
 from g1_description.robot.description import Description, Joint
@@ -58,7 +57,6 @@ OVERHEAD = 20_000
 NO_BASE = "An npz needs base poses, and this motion has none; write .csv."
 
 UNKNOWN_ORDER = "The joint order is unknown; assuming that of the robot's file."
-
 
 CONTROL_RATE = 50.0
 """Samples per second at which both trainers step, in [Hz]."""
@@ -100,8 +98,7 @@ def read(source: MotionSource, robot: Description) -> Motion:
             of_times += (f"{lacking}, {links[0][:MAX_NAME]}.",)
     base = base_of(places[:, root], turns[:, root])
     names, notes = _names(named, positions, base, places, robot)
-    trajectory = Motion(times, names, positions, velocities, base)
-    return replace(trajectory, notes=(*notes, *of_times))
+    return Motion(times, names, positions, velocities, base, (*notes, *of_times))
 
 
 def _names(
@@ -244,18 +241,12 @@ def write_mjlab(
 ) -> tuple[bytes, tuple[str, ...]]:
     """Write the npz from which mjlab trains: joints in MuJoCo's order.
 
-    Args:
-        motion: With a base; joints missing in it are at zero.
-        robot: The robot.
-        rate: Samples per second, in [Hz]; None: those of the motion, on average.
+    Arguments and errors are those of ``writing.prepared``.
 
     Returns:
         The file's content, and messages on differences from the motion.
-
-    Raises:
-        MotionError: If it has no base or too many samples.
     """
-    return _for_training(*whole(motion, robot), robot, rate)
+    return _for_training(*prepared(motion, robot, rate), robot)
 
 
 def write_whole_body_tracking(
@@ -266,27 +257,26 @@ def write_whole_body_tracking(
     Arguments, results and errors are those of ``write_mjlab``.
     """
     isaac = breadth_first(robot, usual_joints(motion, robot))
-    return _for_training(*whole(motion, robot, isaac), robot, rate)
+    return _for_training(*prepared(motion, robot, rate, isaac), robot)
 
 
 def _for_training(
-    motion: Motion, notes: tuple[str, ...], robot: Description, rate: float | None
+    motion: Motion, fps: float, notes: tuple[str, ...], robot: Description
 ) -> tuple[bytes, tuple[str, ...]]:
     """Write all six arrays as float32, in the order of the motion's joints."""
-    evenly, fps, of_times = even(motion, rate)
     if abs(fps - CONTROL_RATE) > 1e-3:
-        of_times += (
+        notes += (
             f"The file has {fps:g} Hz. Training plays a sample per control step, "
             f"usually at {CONTROL_RATE:g} Hz: resample the motion first.",
         )
-    poses, twists = bodies(evenly, robot)
+    poses, twists = bodies(motion, robot)
     arrays = {
-        "joint_pos": evenly.positions,
-        "joint_vel": velocities_of(evenly),
+        "joint_pos": motion.positions,
+        "joint_vel": velocities_of(motion),
         "body_pos_w": poses[..., :3],
         "body_quat_w": poses[..., [6, 3, 4, 5]],
         "body_lin_vel_w": twists[..., :3],
         "body_ang_vel_w": twists[..., 3:],
     }
     content = {name: array.astype(np.float32) for name, array in arrays.items()}
-    return npz({"fps": np.array([number(fps)]), **content}), (*notes, *of_times)
+    return npz({"fps": np.array([number(fps)]), **content}), notes

@@ -16,7 +16,7 @@ import numpy as np
 from g1_description.errors import MotionError
 from g1_description.motion.files import table
 from g1_description.motion.files.source import MotionSource
-from g1_description.motion.files.writing import even, untold, whole
+from g1_description.motion.files.writing import prepared, untold
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.robot.rotation import from_rpy, to_axes
@@ -93,19 +93,12 @@ def write(
 ) -> tuple[bytes, tuple[str, ...]]:
     """Write a motion of all joints of the robot.
 
-    Args:
-        motion: With a base; joints missing in it are at zero.
-        robot: The robot.
-        rate: Samples per second, in [Hz]; None: those of the motion, on average.
+    Arguments and errors are those of ``writing.prepared``.
 
     Returns:
         The file's content, and messages on differences from the motion.
-
-    Raises:
-        MotionError: If it has no base or too many samples.
     """
-    found, notes = whole(motion, robot)
-    found, fps, of_times = even(found, rate)
+    found, fps, notes = prepared(motion, robot, rate)
     base = found.base_poses
     assert base is not None
     values = [base[:, :3] / CM, np.degrees(_rpy(base[:, 3:])), found.positions]
@@ -114,7 +107,7 @@ def write(
     header, *rows = table.rows_text(np.concatenate(values, axis=1), names).split("\n")
     lines = [f"{FRAME},{header}", *(f"{n},{row}" for n, row in enumerate(rows[:-1]))]
     told = untold(fps, USUAL_RATE)
-    return "\r\n".join([*lines, ""]).encode(), (*notes, *of_times, *told)
+    return "\r\n".join([*lines, ""]).encode(), (*notes, *told)
 
 
 def _rpy(turns: np.ndarray) -> np.ndarray:

@@ -2,9 +2,8 @@
 
 A format is a module with ``recognise(source)``, which examines a file's content,
 ``read(source, robot)``, and ``ENDINGS``, the extensions of its files in folders. If its
-files may have several motions, it has ``names(source)``, too. To be written, it also
-has ``write(motion, robot, rate)`` and ``most_samples``; its files have the first of
-these extensions.
+files may have several motions, it has ``names(source)``, too. Those that are written
+are in ``WRITERS``; to be recorded, a module has ``most_samples``.
 """
 
 from __future__ import annotations

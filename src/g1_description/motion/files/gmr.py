@@ -20,7 +20,7 @@ from g1_description.errors import MotionError
 from g1_description.motion.files.conventions import names_of_columns, of_robot, w_last
 from g1_description.motion.files.pickles import pickled
 from g1_description.motion.files.source import Arrays, MotionSource
-from g1_description.motion.files.writing import BATCH, even, number, whole
+from g1_description.motion.files.writing import BATCH, number, prepared
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.robot.kinematics import Kinematics
@@ -89,8 +89,8 @@ def read_arrays(
         names = named[0]
     else:
         raise MotionError(f"There are {len(named[0])} names for {n_joints} joints.")
-    motion = Motion(np.arange(n_samples), names, positions, base_poses=base)
-    motion = w_last(replace(motion, notes=notes), robot, source.order, is_told=True)
+    motion = Motion(np.arange(n_samples), names, positions, None, base, notes)
+    motion = w_last(motion, robot, source.order, is_told=True)
     return with_rate(source, arrays, motion)
 
 
@@ -107,20 +107,12 @@ def write(
 ) -> tuple[bytes, tuple[str, ...]]:
     """Write a pickle for GMR, TWIST and GMT, with the places of all links.
 
-    Args:
-        motion: With a base; joints missing in it are at zero.
-        robot: The robot.
-        rate: Samples per second, in [Hz]; None: those of the motion, on average.
+    Arguments and errors are those of ``writing.prepared``.
 
     Returns:
         The file's content, and messages on differences from the motion.
-
-    Raises:
-        MotionError: If it has no base or too many samples.
     """
-    found, of_joints = whole(motion, robot, tells=False)
-    found, fps, of_times = even(found, rate)
-    notes = (*of_joints, *of_times)
+    found, fps, notes = prepared(motion, robot, rate, tells=False)
     if motion.velocities is not None:
         notes = (*notes, WITHOUT_VELOCITIES)
     base = found.base_poses

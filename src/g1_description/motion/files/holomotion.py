@@ -21,13 +21,7 @@ from g1_description.motion.files.conventions import (
     read_velocities,
 )
 from g1_description.motion.files.source import Arrays, MotionSource, parsed
-from g1_description.motion.files.writing import (
-    bodies,
-    even,
-    npz,
-    velocities_of,
-    whole,
-)
+from g1_description.motion.files.writing import bodies, npz, prepared, velocities_of
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 
@@ -94,19 +88,12 @@ def write(
 ) -> tuple[bytes, tuple[str, ...]]:
     """Write a reference as float32, with all bodies.
 
-    Args:
-        motion: With a base; joints missing in it are at zero.
-        robot: The robot.
-        rate: Samples per second, in [Hz]; None: those of the motion, on average.
+    Arguments and errors are those of ``writing.prepared``.
 
     Returns:
         The file's content, and messages on differences from the motion.
-
-    Raises:
-        MotionError: If it has no base or too many samples.
     """
-    found, notes = whole(motion, robot, tells=False)
-    found, fps, of_times = even(found, rate)
+    found, fps, notes = prepared(motion, robot, rate, tells=False)
     poses, twists = bodies(found, robot)
     n_samples, n_joints = found.positions.shape
     metadata = {
@@ -131,4 +118,4 @@ def write(
     }
     content = {f"ref_{name}": a.astype(np.float32) for name, a in arrays.items()}
     text = np.array(json.dumps(metadata))
-    return npz({METADATA: text, **content}), (*notes, *of_times)
+    return npz({METADATA: text, **content}), notes

@@ -21,7 +21,7 @@ from g1_description.motion.files.conventions import ASAP_JOINTS, layouts
 from g1_description.motion.files.gmr import NAMES, WITHOUT_VELOCITIES, read_arrays
 from g1_description.motion.files.pickles import pickled
 from g1_description.motion.files.source import Arrays, MotionSource
-from g1_description.motion.files.writing import even, number, whole
+from g1_description.motion.files.writing import number, prepared
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.robot.rotation import from_rotation_vector, to_rotation_vector
@@ -105,20 +105,12 @@ def write(
 ) -> tuple[bytes, tuple[str, ...]]:
     """Write a library of one motion; float32, as upstream's.
 
-    Args:
-        motion: With a base; joints missing in it are at zero.
-        robot: The robot.
-        rate: Samples per second, in [Hz]; None: those of the motion, on average.
+    Arguments and errors are those of ``writing.prepared``.
 
     Returns:
         The file's content, and messages on differences from the motion.
-
-    Raises:
-        MotionError: If it has no base or too many samples.
     """
-    found, of_joints = whole(motion, robot)
-    found, fps, of_times = even(found, rate)
-    notes = (*of_joints, *of_times)
+    found, fps, notes = prepared(motion, robot, rate)
     if motion.velocities is not None:
         notes = (*notes, WITHOUT_VELOCITIES)
     base, positions = found.base_poses, found.positions

@@ -28,7 +28,7 @@ from g1_description.motion.files.conventions import (
     names_of_columns,
 )
 from g1_description.motion.files.source import Arrays, MotionSource, parsed
-from g1_description.motion.files.writing import even, npz, number, whole
+from g1_description.motion.files.writing import npz, number, prepared
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 
@@ -234,19 +234,12 @@ def write(
 ) -> tuple[bytes, tuple[str, ...]]:
     """Write ``qpos`` in MuJoCo's order, with ``fps`` and ``joint_names``.
 
-    Args:
-        motion: With a base; joints missing in it are at zero.
-        robot: The robot.
-        rate: Samples per second, in [Hz]; None: those of the motion, on average.
+    Arguments and errors are those of ``writing.prepared``.
 
     Returns:
         The file's content, and messages on differences from the motion.
-
-    Raises:
-        MotionError: If it has no base or too many samples.
     """
-    found, notes = whole(motion, robot)
-    found, fps, of_times = even(found, rate)
+    found, fps, notes = prepared(motion, robot, rate)
     base = found.base_poses
     assert base is not None
     order = [0, 1, 2, 6, 3, 4, 5]
@@ -255,4 +248,4 @@ def write(
         "fps": np.array(number(fps)),
         JOINT_NAMES: np.array(found.joint_names, dtype=str),
     }
-    return npz(arrays), (*notes, *of_times)
+    return npz(arrays), notes

@@ -20,7 +20,7 @@ from g1_description.errors import MotionError
 from g1_description.motion.files import table
 from g1_description.motion.files.conventions import ISAAC_JOINTS, base_of, known
 from g1_description.motion.files.source import MotionSource
-from g1_description.motion.files.writing import bodies, even, velocities_of, whole
+from g1_description.motion.files.writing import bodies, prepared, velocities_of
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 
@@ -138,8 +138,7 @@ def write(
     """
     if rate not in (None, RATE):
         raise MotionError(f"Motions of SONIC have {RATE:g} Hz (got {rate:g} Hz).")
-    found, notes = whole(motion, robot, ISAAC_JOINTS)
-    found, _, of_times = even(found, RATE)
+    found, _, notes = prepared(motion, robot, RATE, ISAAC_JOINTS)
     poses, twists = (part[:, BODIES] for part in bodies(found, robot))
     speeds = velocities_of(found)
     tables = {
@@ -162,7 +161,7 @@ def write(
         rows = values.reshape(len(values), -1)
         content[name] = table.rows_text(rows, names).encode()
     content["metadata.txt"] = _metadata(len(found.times)).encode()
-    return content, (*notes, *of_times)
+    return content, notes
 
 
 def _metadata(n_samples: int) -> str:

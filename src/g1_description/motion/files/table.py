@@ -25,7 +25,7 @@ import numpy as np
 from g1_description.errors import MotionError, NoMotionError
 from g1_description.motion.files.conventions import names_of_columns, w_last
 from g1_description.motion.files.source import MotionSource
-from g1_description.motion.files.writing import even, untold, whole
+from g1_description.motion.files.writing import prepared, untold
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.text import listed
@@ -251,16 +251,10 @@ def write_lafan1(
 ) -> tuple[bytes, tuple[str, ...]]:
     """Write the robot's joints without a header, as in the LAFAN1 retargeting set.
 
-    Args:
-        motion: With a base; joints missing in it are at zero.
-        robot: The robot.
-        rate: Samples per second, in [Hz]; None: those of the motion, on average.
+    Arguments and errors are those of ``writing.prepared``.
 
     Returns:
         The file's content, and messages on differences from the motion.
-
-    Raises:
-        MotionError: If it has no base or too many samples.
     """
     base, positions, notes = _without_names(motion, robot, rate)
     return rows_text(np.concatenate([base, positions], axis=1)).encode(), notes
@@ -284,11 +278,10 @@ def _without_names(
     motion: Motion, robot: Description, rate: float | None
 ) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
     """Return base poses and joints at even times, and messages."""
-    found, notes = whole(motion, robot, tells=False)
-    found, fps, of_times = even(found, rate)
+    found, fps, notes = prepared(motion, robot, rate, tells=False)
     told = untold(fps, DEFAULT_RATE)
     assert found.base_poses is not None
-    return found.base_poses, found.positions, (*notes, *of_times, *told)
+    return found.base_poses, found.positions, (*notes, *told)
 
 
 def most_samples(joints: Sequence[str], has_base: bool, size: int) -> int:

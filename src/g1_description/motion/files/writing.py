@@ -45,6 +45,33 @@ def untold(rate: float, usual: float) -> tuple[str, ...]:
     )
 
 
+def prepared(
+    motion: Motion,
+    robot: Description,
+    rate: float | None,
+    names: Sequence[str] | None = None,
+    tells: bool = True,
+) -> tuple[Motion, float, tuple[str, ...]]:
+    """Make a motion fit a format of even times that has a base and all joints.
+
+    Args:
+        motion: With a base; joints missing in it are at zero.
+        robot: The robot.
+        rate: Samples per second, in [Hz]; None: those of the motion, on average.
+        names: As for ``whole``.
+        tells: As for ``whole``.
+
+    Returns:
+        The motion, its samples per second, and messages on what was changed.
+
+    Raises:
+        MotionError: If it has no base or too many samples, or the robot lacks a joint.
+    """
+    found, of_joints = whole(motion, robot, names, tells)
+    found, fps, of_times = even(found, rate)
+    return found, fps, (*of_joints, *of_times)
+
+
 def whole(
     motion: Motion,
     robot: Description,
