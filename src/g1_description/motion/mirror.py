@@ -50,7 +50,7 @@ def mirrored(trajectory: Motion, robot: Description) -> Motion:
     unknown = [name for name in trajectory.joint_names if name not in signs]
     if unknown:
         raise MotionError(f"{robot.name} has no joints {listed(unknown)}.")
-    new = [_other(name) for name in trajectory.joint_names]
+    new = [other_side(name) for name in trajectory.joint_names]
     own = trajectory.joint_names
     names = own if {*new} == {*own} else tuple(new)
     columns = [new.index(name) for name in names]
@@ -65,8 +65,12 @@ def mirrored(trajectory: Motion, robot: Description) -> Motion:
     )
 
 
-def _other(name: str) -> str:
-    """Name the joint of the other side; one of no side is its own counterpart."""
+def other_side(name: str) -> str:
+    """Name the joint of the other side; one of no side is its own counterpart.
+
+    Args:
+        name: Such as ``left_knee_joint`` or ``R_elbow``.
+    """
 
     def exchanged(match: re.Match[str]) -> str:
         side = OTHER_SIDE[match[0].lower()]
@@ -81,13 +85,13 @@ def _signs(robot: Description) -> dict[str, float]:
     """Find the signs of positions by joint, relative to the counterparts'."""
     joints = robot.movable_joints
     row = {joint.name: number for number, joint in enumerate(joints)}
-    alone = [name for name in row if _other(name) not in row]
+    alone = [name for name in row if other_side(name) not in row]
     if alone:
         raise MotionError(
             f"{robot.name} cannot be mirrored: {listed(alone)} have no counterparts on "
             "the other side."
         )
-    others = [row[_other(name)] for name in row]
+    others = [row[other_side(name)] for name in row]
     _, origins, axes = Kinematics(robot).place(IDENTITY, np.zeros(len(joints)))
     apart = np.linalg.norm(origins[others] - MIRROR * origins, axis=1)
     along = np.einsum("ij,ij->i", axes[others], MIRROR * axes)

@@ -187,23 +187,27 @@ def from_rpy(rpy: np.ndarray) -> np.ndarray:
 
 
 def axes_to_rpy(axes: np.ndarray) -> np.ndarray:
-    """Convert one rotation matrix to URDF's fixed-axis roll, pitch, yaw.
+    """Convert rotation matrices to URDF's fixed-axis roll, pitch, yaw.
 
     At a pitch of a quarter turn (gimbal lock), roll is 0.
 
     Args:
-        axes: The turned axes x, y, z as columns, shape (3, 3).
+        axes: The turned axes x, y, z as columns, shape (..., 3, 3).
 
     Returns:
-        Roll, pitch, yaw in [rad], pitch from -pi/2 to pi/2, shape (3,).
+        Roll, pitch, yaw in [rad], pitch from -pi/2 to pi/2, shape (..., 3).
     """
-    x_axis, y_axis, z_axis = axes.T
-    level = np.hypot(x_axis[0], x_axis[1])
-    pitch = np.arctan2(-x_axis[2], level)
-    if level < 1e-9:
-        return np.array([0.0, pitch, np.arctan2(-y_axis[0], y_axis[1])])
-    roll = np.arctan2(y_axis[2], z_axis[2])
-    return np.array([roll, pitch, np.arctan2(x_axis[1], x_axis[0])])
+    x_axis, y_axis, z_axis = np.moveaxis(axes, -1, 0)
+    level = np.hypot(x_axis[..., 0], x_axis[..., 1])
+    is_locked = level < 1e-9
+    pitch = np.arctan2(-x_axis[..., 2], level)
+    roll = np.where(is_locked, 0.0, np.arctan2(y_axis[..., 2], z_axis[..., 2]))
+    yaw = np.where(
+        is_locked,
+        np.arctan2(-y_axis[..., 0], y_axis[..., 1]),
+        np.arctan2(x_axis[..., 1], x_axis[..., 0]),
+    )
+    return np.stack([roll, pitch, yaw], axis=-1)
 
 
 def swing_twist(q: np.ndarray, axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -19,7 +19,7 @@ from g1_description.motion.files.source import MotionSource
 from g1_description.motion.files.writing import prepared, untold
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
-from g1_description.robot.rotation import from_rpy, to_axes
+from g1_description.robot.rotation import axes_to_rpy, from_rpy, to_axes
 from g1_description.text import listed
 
 ENDINGS = (".csv",)
@@ -101,25 +101,10 @@ def write(
     found, fps, notes = prepared(motion, robot, rate)
     base = found.base_poses
     assert base is not None
-    values = [base[:, :3] / CM, np.degrees(_rpy(base[:, 3:])), found.positions]
-    values[2] = np.degrees(values[2])
+    turns = axes_to_rpy(to_axes(base[:, 3:]))
+    values = [base[:, :3] / CM, np.degrees(turns), np.degrees(found.positions)]
     names = [*PLACE, *TURN, *(name + JOINT for name in found.joint_names)]
     header, *rows = table.rows_text(np.concatenate(values, axis=1), names).split("\n")
     lines = [f"{FRAME},{header}", *(f"{n},{row}" for n, row in enumerate(rows[:-1]))]
     told = untold(fps, USUAL_RATE)
     return "\r\n".join([*lines, ""]).encode(), (*notes, *told)
-
-
-def _rpy(turns: np.ndarray) -> np.ndarray:
-    """Convert quaternions, shape (n, 4), to turns about fixed x, y, z, shape (n, 3)."""
-    axes = to_axes(turns)
-    level = np.hypot(axes[:, 0, 0], axes[:, 1, 0])
-    pitch = np.arctan2(-axes[:, 2, 0], level)
-    is_locked = level < 1e-9  # pitch of a quarter turn
-    roll = np.where(is_locked, 0.0, np.arctan2(axes[:, 2, 1], axes[:, 2, 2]))
-    yaw = np.where(
-        is_locked,
-        np.arctan2(-axes[:, 0, 1], axes[:, 1, 1]),
-        np.arctan2(axes[:, 1, 0], axes[:, 0, 0]),
-    )
-    return np.stack([roll, pitch, yaw], axis=1)

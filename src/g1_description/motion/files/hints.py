@@ -9,6 +9,7 @@ from typing import Dict, Tuple
 
 import numpy as np
 
+from g1_description.motion.mirror import other_side
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.robot.rotation import rotate
@@ -97,7 +98,7 @@ def _sides(columns: Columns, limits: Limits) -> str:
             f"The arms are rolled into the body, by {-outward:.2g} rad in the median: "
             "left and right may be swapped, or signs wrong."
         )
-    swapped = {_other_side(name): values for name, values in columns.items()}
+    swapped = {other_side(name): values for name, values in columns.items()}
     fits = {*swapped} == {*columns} and _excess(swapped, limits) < WITHIN
     if fits and _excess(columns, limits) > BEYOND:
         return (
@@ -105,13 +106,6 @@ def _sides(columns: Columns, limits: Limits) -> str:
             "right may be swapped."
         )
     return ""
-
-
-def _other_side(name: str) -> str:
-    """Name the joint of the other side."""
-    if name.startswith("left_"):
-        return f"right_{name[5:]}"
-    return f"left_{name[6:]}" if name.startswith("right_") else name
 
 
 def _excess(columns: Columns, limits: Limits) -> float:
