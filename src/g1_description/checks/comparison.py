@@ -15,7 +15,8 @@ from g1_description.checks.report import table
 from g1_description.checks.rules.ground import slides
 from g1_description.checks.verdict import Finding, Verdict
 from g1_description.errors import MotionError
-from g1_description.motion.motion import SNAP, Motion, Sample, sample
+from g1_description.motion.files.conventions import of_robot
+from g1_description.motion.motion import SNAP, Motion, sample
 from g1_description.robot.assembly import WORLD, root_in_base
 from g1_description.robot.description import Description
 from g1_description.robot.kinematics import Kinematics
@@ -154,9 +155,7 @@ def compare(
         MotionError: If they have no common joints or times.
     """
     robot = checker.description
-    names = [n for n in reference.joint_names if n in executed.joint_names]
-    if not names:
-        raise MotionError("The motions have no common joints.")
+    names = _common_joints(reference, executed)
     if shift is None:
         shift = find_shift(reference, executed)
     first, last = _overlap(reference, executed, shift)
@@ -164,25 +163,22 @@ def compare(
     times = times[(times >= first - SNAP) & (times <= last + SNAP)]
     if not times.size:
         raise MotionError("The motions have no common times.")
-    wanted, found = sample(reference, times), sample(executed, times + shift)
-    errors = np.abs(
-        found.positions[:, [executed.joint_names.index(n) for n in names]]
-        - wanted.positions[:, [reference.joint_names.index(n) for n in names]]
+    wanted, found = (
+        replace(motion.sampled(at), times=times, velocities=None)
+        for motion, at in ((reference, times), (executed, times + shift))
     )
-    from_root = _distances(robot, reference, executed, times, shift, with_base=False)
+    errors = np.abs(found.arranged(names).positions - wanted.arranged(names).positions)
+    no_bases = (replace(motion, base_poses=None) for motion in (wanted, found))
+    from_root = _distances(robot, *no_bases)
     in_map = base_position = base_angle = None
     if wanted.base_poses is not None and found.base_poses is not None:
-        distances = _distances(robot, reference, executed, times, shift, True)
-        in_map = _error(distances, times)
+        in_map = _error(_distances(robot, wanted, found), times)
         offsets = found.base_poses[:, :3] - wanted.base_poses[:, :3]
         base_position = _error(np.linalg.norm(offsets, axis=1), times)
         angles = angle_between(wanted.base_poses[:, 3:], found.base_poses[:, 3:])
         base_angle = _error(angles, times)
     # Both at the same times, as what counts as sliding depends on the rate.
-    slips = [
-        _slip(checker.check(_at(motion, samples, times), ["skating"]))
-        for motion, samples in ((reference, wanted), (executed, found))
-    ]
+    slips = [_slip(checker.check(motion, ["skating"])) for motion in (wanted, found)]
     findings = []
     for finding in checker.check(executed).findings:
         rows = _rows(finding, times + shift)
@@ -214,10 +210,9 @@ def find_shift(reference: Motion, executed: Motion) -> float:
     Raises:
         MotionError: If the motions are too long, or have no common joints.
     """
-    names = [n for n in reference.joint_names if n in executed.joint_names]
-    if not names:
-        raise MotionError("The motions have no common joints.")
-    rows = [_evenly(reference, names), _evenly(executed, names)]
+    names = _common_joints(reference, executed)
+    reference, executed = reference.arranged(names), executed.arranged(names)
+    rows = [_evenly(reference), _evenly(executed)]
     if len(rows[0]) == 1 or len(rows[1]) == 1:
         return float(executed.times[0] - reference.times[0])
     a, b = (row - np.concatenate(rows).mean(axis=0) for row in rows)
@@ -232,7 +227,7 @@ def find_shift(reference: Motion, executed: Motion) -> float:
     lag = (best - (len(a) - 1)) * PERIOD
     start = lag + float(executed.times[0] - reference.times[0])
     result = minimize_scalar(
-        lambda shift: _mean_square(reference, executed, names, shift),
+        lambda shift: _mean_square(reference, executed, shift),
         bounds=(start - PERIOD, start + PERIOD),
         method="bounded",
         options={"xatol": 1e-5},
@@ -240,17 +235,23 @@ def find_shift(reference: Motion, executed: Motion) -> float:
     return float(result.x)
 
 
-def _evenly(motion: Motion, names: list[str]) -> np.ndarray:
-    """Sample joints with ``PERIOD``, shape (n, n_names)."""
+def _common_joints(reference: Motion, executed: Motion) -> tuple[str, ...]:
+    """List the joints that both motions have."""
+    names = tuple(n for n in reference.joint_names if n in executed.joint_names)
+    if not names:
+        raise MotionError("The motions have no common joints.")
+    return names
+
+
+def _evenly(motion: Motion) -> np.ndarray:
+    """Sample joints with ``PERIOD``, shape (n, n_joints)."""
     count = int((motion.times[-1] - motion.times[0]) / PERIOD) + 1
     if count > MAX_TIMES:
         raise MotionError(
             f"A motion of {count * PERIOD:.0f} s is too long to find its time shift; "
             f"the limit is {MAX_TIMES * PERIOD:.0f} s. Cut it, or give the shift."
         )
-    columns = [motion.joint_names.index(name) for name in names]
-    times = motion.times[0] + PERIOD * np.arange(count)
-    return sample(motion, times).positions[:, columns]
+    return sample(motion, motion.times[0] + PERIOD * np.arange(count)).positions
 
 
 def _overlap(reference: Motion, executed: Motion, shift: float) -> tuple[float, float]:
@@ -259,10 +260,8 @@ def _overlap(reference: Motion, executed: Motion, shift: float) -> tuple[float, 
     return first, min(float(reference.times[-1]), float(executed.times[-1]) - shift)
 
 
-def _mean_square(
-    reference: Motion, executed: Motion, names: list[str], shift: float
-) -> float:
-    """Compute the mean square of the joints' errors.
+def _mean_square(reference: Motion, executed: Motion, shift: float) -> float:
+    """Compute the mean square of the errors of the same joints.
 
     At the samples of the executed motion: between them, noise is smaller.
     """
@@ -271,39 +270,28 @@ def _mean_square(
     if not is_common.any():
         return np.inf
     wanted = sample(reference, executed.times[is_common] - shift).positions
-    columns = [reference.joint_names.index(name) for name in names]
-    measured = [executed.joint_names.index(name) for name in names]
-    errors = executed.positions[is_common][:, measured] - wanted[:, columns]
-    return float(np.mean(errors**2))
+    return float(np.mean((executed.positions[is_common] - wanted) ** 2))
 
 
-def _distances(
-    robot: Description,
-    reference: Motion,
-    executed: Motion,
-    times: np.ndarray,
-    shift: float,
-    with_base: bool,
-) -> np.ndarray:
-    """Compute the mean distance of links at times, in [m], shape (n,)."""
-    names = [joint.name for joint in robot.movable_joints]
+def _distances(robot: Description, wanted: Motion, found: Motion) -> np.ndarray:
+    """Compute the mean distance of links in two motions, in [m], shape (n,).
+
+    Both have the same times; without a base, it is at the origin.
+    """
     links = [row for row, name in enumerate(robot.link_names) if name != WORLD]
     kinematics, T_base_root = Kinematics(robot), root_in_base(robot)
-    distances = np.empty(len(times))
-    for begin in range(0, len(times), BATCH):
-        part, places = times[begin : begin + BATCH], []
-        for motion, at in ((reference, part), (executed, part + shift)):
-            found = sample(motion, at)
-            positions = np.zeros((len(at), len(names)))
-            columns = [names.index(name) for name in motion.joint_names]
-            positions[:, columns] = found.positions
-            base = np.tile(IDENTITY, (len(at), 1))
-            if with_base and found.base_poses is not None:
-                base = found.base_poses
+    distances = np.empty(len(wanted.times))
+    for begin in range(0, len(distances), BATCH):
+        part, places = slice(begin, begin + BATCH), []
+        for motion in (wanted, found):
+            positions = of_robot(motion.joint_names, motion.positions[part], robot)
+            base = np.tile(IDENTITY, (len(positions), 1))
+            if motion.base_poses is not None:
+                base = motion.base_poses[part]
             poses = kinematics.link_poses(compose(base, T_base_root), positions)
             places.append(poses[:, links, :3])
         offsets = np.linalg.norm(places[1] - places[0], axis=-1)
-        distances[begin : begin + BATCH] = offsets.mean(axis=1)
+        distances[part] = offsets.mean(axis=1)
     return distances
 
 
@@ -326,17 +314,6 @@ def _rows(finding: Finding, times: np.ndarray) -> np.ndarray:
         rows.append(np.array([np.argmin(np.abs(times - begin))]))
         rows.append(np.flatnonzero((times >= begin) & (times <= end)))
     return np.concatenate(rows) if rows else np.zeros(0, dtype=int)
-
-
-def _at(motion: Motion, found: Sample, times: np.ndarray) -> Motion:
-    """Make a motion of samples that were taken of it, with their times in [s]."""
-    return replace(
-        motion,
-        times=times,
-        positions=found.positions,
-        velocities=None,
-        base_poses=found.base_poses,
-    )
 
 
 def _slip(verdict: Verdict) -> dict[str, float]:

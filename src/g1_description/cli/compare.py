@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
+from functools import lru_cache
 from pathlib import Path
 
 from g1_description.checks.batch import FileChecker
@@ -38,21 +39,23 @@ def comparisons(
         InvalidValueError: If the folder has no motions.
     """
     references = Pairs(against)
+    # Once, where all are compared with the same one.
+    read = lru_cache(maxsize=1)(lambda path: checker.read(str(path), path))
     for task in files.tasks:
         found = references.of(task.path)
         if isinstance(found, str):
             yield task.name, found
             continue
-        reference = checker.read(str(found), found)
-        executed = checker.read(task.name, task.path)
-        if isinstance(reference, FileResult) or isinstance(executed, FileResult):
-            each = reference if isinstance(reference, FileResult) else executed
-            yield task.name, each.problem  # type: ignore[union-attr]
-            continue
-        try:
-            yield task.name, compare(checker.checker, reference, executed, shift)
-        except G1DescriptionError as error:
-            yield task.name, str(error)
+        reference, executed = read(found), checker.read(task.name, task.path)
+        if isinstance(reference, FileResult):
+            yield task.name, reference.problem
+        elif isinstance(executed, FileResult):
+            yield task.name, executed.problem
+        else:
+            try:
+                yield task.name, compare(checker.checker, reference, executed, shift)
+            except G1DescriptionError as error:
+                yield task.name, str(error)
 
 
 class Pairs:

@@ -150,10 +150,17 @@ class Motion:
         inside = (self.times > begin + SNAP) & (self.times < end - SNAP)
         ends = np.unique([begin, end])
         times = np.concatenate([ends[:1], self.times[inside], ends[1:]])
-        return self._sampled(times)
+        return self.sampled(times)
 
-    def _sampled(self, times: np.ndarray) -> Motion:
-        """Take other samples; at the end the last velocities are kept."""
+    def sampled(self, times: np.ndarray) -> Motion:
+        """Take other samples.
+
+        Args:
+            times: In [s], increasing, shape (n,).
+
+        Returns:
+            The motion of these samples; at its end the last velocities are kept.
+        """
         found = sample(self, times)
         velocities = None
         if self.velocities is not None:
@@ -191,7 +198,7 @@ class Motion:
                 f"limit is {MAX_SAMPLES}."
             )
         times = first + np.arange(int(n_samples) + 1) / rate
-        found = self._sampled(np.minimum(times, last))
+        found = self.sampled(np.minimum(times, last))
         return replace(found, times=times, has_times=True)
 
     def at_speed(self, speed: float, start: float = 0.0) -> Motion:
