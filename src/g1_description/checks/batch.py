@@ -8,6 +8,7 @@ import pickle
 import signal
 import threading
 import traceback
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import (
@@ -50,12 +51,12 @@ class Task:
     path: Path
 
 
-class FileWorker:
+class FileWorker(ABC):
     """What is done with each of many files; it can be pickled."""
 
+    @abstractmethod
     def outcome(self, name: str, content: Content) -> FileResult:
         """Do it; errors become the result."""
-        raise NotImplementedError
 
 
 @dataclass(frozen=True, eq=False)

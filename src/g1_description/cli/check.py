@@ -43,7 +43,7 @@ from g1_description.cli.motion_paths import MotionFiles, motion_files, picture_n
 from g1_description.cli.progress import Printer
 from g1_description.cli.start import INTERRUPTED
 from g1_description.collisions.find_pairs import collisions_of
-from g1_description.command_line import argument, number, option, parse, say, within
+from g1_description.command_line import number, option, parse, say
 from g1_description.errors import ClusterError, G1DescriptionError, InvalidValueError
 from g1_description.files.atomic import whole_file, write_whole
 from g1_description.motion.selection import EXCLUDE, UNDECIDED, Choice, Selection
@@ -94,13 +94,7 @@ class CheckOptions:
     2 if something could not be checked.
     """
 
-    files: list[Path] = argument(
-        "a motion, FILE#NAME for one of several in a file, or a folder with motions "
-        "below it",
-        Path,
-        nargs="+",
-        metavar="FILE",
-    )
+    files: list[Path] = options.motions()
     model: str | None = options.model()
     fps: float | None = options.fps()
     topic: str | None = options.topic()
@@ -179,9 +173,7 @@ class CheckOptions:
         shown="found",
     )
     quiet: bool = option("print only the last line, with the counts", False)
-    jobs: int = option(
-        "number of worker processes", 1, within(1, 256, int), metavar="N"
-    )
+    jobs: int = options.jobs()
     dask: str | None = option(
         "check on the workers of this Dask scheduler",
         None,

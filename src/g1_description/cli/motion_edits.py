@@ -10,7 +10,7 @@ from typing import ClassVar
 
 from g1_description.cli import options
 from g1_description.cli.recorded_file import WRITERS
-from g1_description.command_line import MAX_FPS, argument, option, positive, within
+from g1_description.command_line import MAX_FPS, option, positive, within
 from g1_description.errors import InvalidValueError, UnknownNameError
 from g1_description.motion.edit import (
     highest_speed,
@@ -51,13 +51,7 @@ def new_names(text: str) -> dict[str, str]:
 class Reading:
     """Options for reading motions."""
 
-    files: list[Path] = argument(
-        "a motion, FILE#NAME for one of several in a file, or a folder with motions "
-        "below it",
-        Path,
-        nargs="+",
-        metavar="FILE",
-    )
+    files: list[Path] = options.motions()
     model: str | None = options.model()
     fps: float | None = options.fps()
     topic: str | None = options.topic()
@@ -67,9 +61,7 @@ class Reading:
         "take all motions of files that have several", False, names=("--all",)
     )
     selection: Path | None = options.selection()
-    jobs: int = option(
-        "number of worker processes", 1, within(1, 256, int), metavar="N"
-    )
+    jobs: int = options.jobs()
 
     reads_all: ClassVar[bool] = False
     """Whether joints that the robot does not have are read."""

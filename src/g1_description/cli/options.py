@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from g1_description.command_line import MAX_FPS, option, positive
+from g1_description.command_line import MAX_FPS, argument, option, positive, within
 from g1_description.text import similar_first
 
 NAME = re.compile(r"[A-Za-z]\w*(/\w+)*", re.ASCII)
@@ -33,6 +33,22 @@ def namespace() -> Any:
 def model() -> Any:
     """Declare the robot of motions in files."""
     return option(f"the robot: {MODEL}", None, str, shown="the G1")
+
+
+def motions() -> Any:
+    """Declare the motions that a command takes."""
+    return argument(
+        "a motion, FILE#NAME for one of several in a file, or a folder with motions "
+        "below it",
+        Path,
+        nargs="+",
+        metavar="FILE",
+    )
+
+
+def jobs() -> Any:
+    """Declare the number of processes."""
+    return option("number of worker processes", 1, within(1, 256, int), metavar="N")
 
 
 def fps() -> Any:

@@ -171,7 +171,7 @@ class LibraryPanel:
         self._ui.wait_for(partial(self._html, shown), partial(self._fill, shown))
 
     def _fill(self, shown: list[Entry], rows: str) -> None:
-        """Show rows, unless others are wanted meanwhile."""
+        """Show rows, if the list still has them at this place."""
         if shown == self._listed[self._first : self._first + ROWS]:
             self._rows.content = rows
 
