@@ -112,7 +112,7 @@ def finding(*intervals, severity=FAILED, subject=("a",), text="too fast"):
 
 def bars(*found, span=(0.0, 10.0)):
     """Give the rows of strips: where each bar begins and how long it is, in %."""
-    rows = ElementTree.fromstring(findings.strips(found, span))
+    rows = ElementTree.fromstring(findings.strips([[f] for f in found], span))
     return [
         [
             tuple(
@@ -147,7 +147,7 @@ def test_texts_of_findings_are_text(text):
     # What XML forbids at all is no matter of ours.
     printable = "".join(c for c in text + HOSTILE if c.isprintable())
     row = ElementTree.fromstring(
-        findings.strips((finding((0.0, 1.0), text=printable),), (0.0, 1.0))
+        findings.strips([[finding((0.0, 1.0), text=printable)]], (0.0, 1.0))
     )
     assert [element.tag for element in row.iter()] == ["div", "div", "i"]
     assert row[0].get("title") == printable
@@ -155,14 +155,18 @@ def test_texts_of_findings_are_text(text):
 
 
 def test_a_strip_has_the_colour_of_what_it_means():
-    html = findings.strips((finding((0.0, 1.0), severity=WARNING),), (0.0, 1.0))
+    html = findings.strips([[finding((0.0, 1.0), severity=WARNING)]], (0.0, 1.0))
     assert findings.COLORS[WARNING] in html
     assert findings.COLORS[FAILED] not in html
 
 
-def test_there_are_no_more_strips_than_buttons():
-    many = [finding((0.0, 1.0))] * (findings.MAX_BUTTONS + 5)
-    assert len(bars(*many)) == findings.MAX_BUTTONS
+def test_findings_of_one_cause_share_a_strip_and_a_button():
+    arm = finding((1.0, 2.0), subject=("l", "r"), text="l in r")
+    elbow = replace(finding((1.5, 2.5), subject=("e", "r")), worst=3.0, text="e in r")
+    (row,) = ElementTree.fromstring(findings.strips([[arm, elbow]], (0.0, 10.0)))
+    assert len(row) == 2
+    assert row.get("title") == "e in r, and 1 more pair of links"
+    assert findings.title([arm, elbow]) == "1.50 s  velocity e - r +1"
 
 
 def test_a_verdict_in_a_line():
@@ -179,7 +183,7 @@ def test_a_verdict_in_a_line():
     assert told(skipped=skipped) == (
         "All checks were skipped: floating: there is no base."
     )
-    assert findings.title(finding((1.5, 2.0), subject=("l", "r"))) == (
+    assert findings.title([finding((1.5, 2.0), subject=("l", "r"))]) == (
         "1.50 s  velocity l - r"
     )
 

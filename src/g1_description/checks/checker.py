@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from g1_description.checks.causes import limbs_of, with_causes
 from g1_description.checks.intervals import intervals, time_share
 from g1_description.checks.measured import CheckedRobot, Measured, measure
 from g1_description.checks.rule import Rule
@@ -60,6 +61,8 @@ class Checker:
         self.fixed_base = fixed_base
         self.notes = (*zero_limits(description), *self.collisions.notes)
         """Messages on assumptions about the robot."""
+        self._limbs = limbs_of(description)
+        self._grouping = {rule.name: rule.grouping for rule in RULES}
         self._robot = CheckedRobot(
             description, self.thresholds, self.collisions, fixed_base
         )
@@ -167,9 +170,10 @@ class Checker:
         notes = [*self.notes, *notes]
         if measured.played is not None:
             notes += [*measured.played.left_out, physics_summary(measured)]
+        found = sorted_findings(f for rule in made for f in rule.find(rule, measured))
         verdict = Verdict(
             self.description.name,
-            sorted_findings(f for rule in made for f in rule.find(rule, measured)),
+            with_causes(found, self._grouping, self._limbs),
             tuple(rule.name for rule in made),
             {rule.name: why for rule, why in rules.items() if why},
             _figures(measured),

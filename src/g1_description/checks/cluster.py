@@ -194,7 +194,8 @@ def packed(checker: FileChecker) -> bytes:
     Raises:
         OSError: If a mesh cannot be read.
     """
-    sent = replace(checker, reader=read_motion, topic=None)
+    # Workers lack the meshes that pictures need.
+    sent = replace(checker, reader=read_motion, topic=None, draw=None)
     meshes = {}
     if checker.checker.physics is not None:
         for link in checker.checker.description.links:
