@@ -592,7 +592,9 @@ def test_there_is_nothing_to_copy_before_the_first_state():
     shown = Shown()
     shown.where = None
     for write in (configuration_yaml, configuration_command):
-        with pytest.raises(InvalidValueError, match="No state of the robot has come"):
+        with pytest.raises(
+            InvalidValueError, match="No state of the robot has been received"
+        ):
             write(shown)
 
 

@@ -117,7 +117,7 @@ class Convert(Edit):
 
     joints: str | None = option(
         "joints to write: 29, 27 or 23 of Unitree's G1, or asap, the 23 of ASAP, PBHC "
-        "and GMT; others are left out, missing ones at 0",
+        "and GMT; others are ignored, missing ones at 0",
         None,
         str,
         shown="those of the motion",

@@ -175,11 +175,7 @@ def read_models(model: str) -> tuple[list[ModelText], list[str]]:
         except DescriptionError as error:
             faults.append(str(error))
     if not models:
-        more = (
-            f" ({len(faults)} files, none of which is a robot)"
-            if len(faults) > 1
-            else ""
-        )
+        more = f" ({len(faults)} files, but no robot)" if len(faults) > 1 else ""
         raise DescriptionError(f"{faults[0]}{more}")
     return models, faults
 

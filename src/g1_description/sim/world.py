@@ -97,7 +97,7 @@ class World:
                 for message in self.spawn(model.name, model.assembly, model.pose):
                     left_out.append(f"{model.name}: {message}")
             except DescriptionError as error:
-                left_out.append(f"model {model.name} is left out: {error}".rstrip("."))
+                left_out.append(f"model {model.name} is ignored: {error}".rstrip("."))
         return left_out
 
     @cached_property

@@ -24,8 +24,8 @@ class WebParameters:
     """0: any that is free."""
 
     token: str = ""
-    """The token; empty: a new one at each start. Whoever reaches the master reads
-    it."""
+    """The token; empty: a new one at each start. Anyone who can reach the master can
+    read it."""
 
     read_only: bool = False
     """Show, and take nothing from browsers."""
