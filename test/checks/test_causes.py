@@ -5,8 +5,9 @@ from dataclasses import replace
 import pytest
 
 from g1_description.api import Robot
-from g1_description.checks.causes import BY_LIMBS, BY_TIME, limbs_of, with_causes
+from g1_description.checks.causes import BY_LIMBS, BY_TIME, with_causes
 from g1_description.checks.verdict import Finding
+from g1_description.robot.assembly import limbs_of
 
 
 def finding(check, subject, *intervals):
