@@ -26,7 +26,7 @@ ROBOT = "urdf/g1_29dof.urdf"
 
 @lru_cache(maxsize=None)
 def share_folder() -> Path:
-    """Find the folder that holds ``config``, ``meshes`` and ``urdf``.
+    """Find the folder that holds ``config``, ``meshes``, ``motions`` and ``urdf``.
 
     Raises:
         DescriptionError: If there is none, as when only the code was copied.
