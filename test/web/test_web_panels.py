@@ -165,7 +165,7 @@ def test_findings_of_one_cause_share_a_strip_and_a_button():
     elbow = replace(finding((1.5, 2.5), subject=("e", "r")), worst=3.0, text="e in r")
     (row,) = ElementTree.fromstring(findings.strips([[arm, elbow]], (0.0, 10.0)))
     assert len(row) == 2
-    assert row.get("title") == "e in r, and 1 more pair of links"
+    assert row.get("title") == "e in r, also l - r"
     assert findings.title([arm, elbow]) == "1.50 s  velocity e - r +1"
 
 

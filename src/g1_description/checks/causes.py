@@ -63,12 +63,13 @@ def _is_same(one: Finding, other: Finding, limbs: Mapping[str, str]) -> bool:
 def cause_text(findings: Collection[Finding]) -> str:
     """Describe the findings of one cause by the worst, and count the others."""
     worst = worst_of(findings)
-    more = len(findings) - 1
-    if not more:
+    others = [finding for finding in findings if finding is not worst]
+    if not others:
         return worst.text
-    kind = "joint" if len(worst.subject) == 1 else "pair of links"
-    kinds = "joints" if len(worst.subject) == 1 else "pairs of links"
-    return f"{worst.text}, and {more} more {kinds if more > 1 else kind}"
+    if len(others) == 1:
+        return f"{worst.text}, also {others[0].name}"
+    pairs = " pairs" if len(worst.subject) == 2 else ""
+    return f"{worst.text}, and {len(others)} more{pairs}"
 
 
 def worst_of(findings: Collection[Finding]) -> Finding:
