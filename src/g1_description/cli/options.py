@@ -51,6 +51,18 @@ def jobs() -> Any:
     return option("number of worker processes", 1, within(1, 256, int), metavar="N")
 
 
+def anchor() -> Any:
+    """Declare the link that stays at its place while joints move."""
+    return option(
+        "link that stays at its place meanwhile, or lowest_foot; the base follows; in "
+        "kinematic only",
+        None,
+        str,
+        metavar="LINK",
+        see="[anchors](poses.md#an-anchor)",
+    )
+
+
 def fps() -> Any:
     """Declare the sampling rate of files without times."""
     about = "samples per second of files without times"

@@ -186,6 +186,7 @@ class PosedRobot(RobotView):
         """Stop the robot if it is moving."""
         try:
             self.motions.leave()
+            self.restore_anchor()
         except G1DescriptionError as error:
             self._notify(f"the robot may keep moving: {error}")
 
@@ -212,6 +213,7 @@ class PoseOptions:
         0.0,
         within(0.0, MAX_SECONDS),
     )
+    anchor: str | None = options.anchor()
     namespace: str = options.namespace()
     file: Path | None = option("file of your own poses", None, Path, shown=USER_FILE)
     force: bool = option("with --save: replace a pose of that name", False)
@@ -228,6 +230,8 @@ class PoseOptions:
             raise InvalidValueError("give one of NAME, --list and --save NAME")
         if (self.force or self.about) and self.save is None:
             raise InvalidValueError("--force and --about need --save")
+        if self.anchor is not None and self.name is None:
+            raise InvalidValueError("--anchor needs NAME")
         if self.save == ZERO:
             raise InvalidValueError(f"{ZERO} cannot be saved: it is a built-in pose")
 
@@ -250,10 +254,13 @@ def go(args: PoseOptions) -> None:
     robot = _connect(args)
     check_pose(pose, robot.description)
     goal = pose_positions(pose, robot.description)
-    if args.seconds:
-        robot.move(goal, args.seconds)
-    else:
-        robot.teleport(goal)
+    if args.anchor is not None:
+        robot.measured_positions()  # the bridge may have just started
+    with robot.anchored(args.anchor):
+        if args.seconds:
+            robot.move(goal, args.seconds)
+        else:
+            robot.teleport(goal)
     print(f"pose: {pose.name}")
 
 

@@ -55,6 +55,10 @@ class SpawnParameters:
     initial_pose: str = "zero"
     """Named pose at the start and after a reset."""
 
+    anchor: str = ""
+    """Link that [stays at its place](poses.md#an-anchor) while joints move in
+    ``kinematic``, or ``lowest_foot``; empty: none."""
+
 
 @dataclass(frozen=True)
 class SpawnerParameters(SpawnParameters):

@@ -153,6 +153,10 @@ def spawn_robot(world: World, parameters: GazeboParameters) -> None:
     assembly, pose = place_robot(parameters.spawn, fixed and dynamic, dynamic)
     for line in world.spawn(name, assembly, pose, fixed):
         rospy.logwarn("%s: %s", name, line)
+    try:
+        world.anchors.set(world.models[name], parameters.spawn.anchor)
+    except InvalidValueError as error:
+        rospy.logwarn("The anchor of %s is ignored: %s.", name, error)
     log_hulls(world.models[name])
     rospy.loginfo("%s: %s", name, figures(assembly, parameters.physics))
 

@@ -69,6 +69,9 @@ class Assembly:
     """Names of nested models, such as ``inner::innermost``, with which the names of
     their links and joints begin."""
 
+    lumped: dict[str, str] = field(default_factory=dict)
+    """Bodies by the names of links that were lumped into them."""
+
     left_out: tuple[str, ...] = ()
     """Messages on elements of the file that are ignored or changed."""
 

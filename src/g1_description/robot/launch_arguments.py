@@ -16,6 +16,9 @@ from g1_description.text import listed, similar_first
 
 PHYSICS = ("kinematic", "hold", "limp")
 
+LOWEST_FOOT = "lowest_foot"
+"""Anchor that is the lower one of the robot's feet."""
+
 CHOICES = {"sim": ("standin", "gazebo"), "physics": PHYSICS}
 """Allowed values by argument."""
 

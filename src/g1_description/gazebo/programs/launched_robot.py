@@ -24,6 +24,7 @@ from g1_description.errors import (
 )
 from g1_description.robot.description import Description
 from g1_description.robot.launch_arguments import (
+    LOWEST_FOOT,
     check_arguments,
     check_for_empty,
     check_trails,
@@ -81,6 +82,9 @@ def launched_robot(model: str | None, given: dict[str, str], nodes: list[str]) -
     if pose != ZERO:
         check_pose(find_pose(pose, read_poses()), robot.description)
     check_trails("trails", given.get("trails", "").split(), [robot.description])
+    anchor = given.get("anchor", "")
+    if anchor not in ("", LOWEST_FOOT):
+        check_trails("anchor", [anchor], [robot.description])
     if given.get("base"):
         _check_root(given.get("root", ""), robot.description)
     return robot.text
