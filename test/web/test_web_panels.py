@@ -171,7 +171,8 @@ def test_findings_of_one_cause_share_a_strip_and_a_button():
 
 def test_a_verdict_in_a_line():
     def told(*severities, **more):
-        found = tuple(finding((0.0, 1.0), severity=s) for s in severities)
+        found = (finding((0.0, 1.0), severity=s) for s in severities)
+        found = tuple(replace(f, cause=n) for n, f in enumerate(found))
         return findings.summary(Verdict("r", found, **more))
 
     assert told(checked=("velocity",)) == "**passed**"
