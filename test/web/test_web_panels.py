@@ -343,7 +343,7 @@ def poses(server, monkeypatch, tmp_path):
     file.write_text("low:\n  to_b: 0.5\nother:\n  nose: 0.5\n")
     monkeypatch.setattr(controls, "user_file", lambda: file)
     monkeypatch.setattr(
-        controls, "read_poses", lambda: parse_poses(file.read_text(), str(file))
+        controls, "read_poses", lambda _: parse_poses(file.read_text(), str(file))
     )
     done = []
     ui = SimpleNamespace(
@@ -394,7 +394,7 @@ def test_a_pose_is_saved_under_a_new_name_or_where_it_is_wanted(poses):
             panel._save()
     panel._replace.value = True
     panel._save()
-    (pose,) = (p for p in controls.read_poses().values() if p.name == "low")
+    (pose,) = (p for p in controls.read_poses(None).values() if p.name == "low")
     assert pose.positions == {"to_b": 0.25, "to_c": -0.5}
     assert pose.about == "saved in the browser"
     assert panel._replace.value is False

@@ -51,7 +51,7 @@ class Checker:
             physics: How motions are simulated; None: they are not.
 
         Raises:
-            AllowedPairsError: If the file of the G1's allowed pairs cannot be read.
+            AllowedPairsError: If the file of its allowed pairs cannot be read.
             ThresholdError: If the file of the defaults cannot be read, or thresholds
                 name other joints.
         """
