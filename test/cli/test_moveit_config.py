@@ -1,6 +1,6 @@
 """The MoveIt configuration: read as MoveIt, Pinocchio and roslaunch would."""
 
-from itertools import chain as from_lists
+from itertools import chain as joined
 from itertools import combinations
 
 import numpy as np
@@ -60,9 +60,8 @@ def test_groups_are_chains_of_the_limbs(srdf):
     arm = [f"left_{part}_joint" for part in (*ARM, *WRIST)]
     assert joints["left_arm"] == arm
     assert joints["right_arm"] == [name.replace("left", "right") for name in arm]
-    assert sorted(from_lists.from_iterable(joints.values())) == sorted(
-        robot.joint_names
-    )
+    all_joints = joined.from_iterable(joints.values())
+    assert sorted(all_joints) == sorted(robot.joint_names)
     whole = srdf.find("group[@name='whole_body']").findall("joint")
     assert [joint.get("name") for joint in whole] == [*robot.joint_names]
 
@@ -117,9 +116,8 @@ def test_settings_are_those_of_the_robot(folder):
     assert [(c.name, [*c.joints]) for c in ours] == [
         (entry["name"], entry["joints"]) for entry in listed
     ]
-    assert sorted(from_lists.from_iterable(e["joints"] for e in listed)) == sorted(
-        robot.joint_names
-    )
+    all_joints = joined.from_iterable(entry["joints"] for entry in listed)
+    assert sorted(all_joints) == sorted(robot.joint_names)
     groups = {"left_leg", "right_leg", "waist", "left_arm", "right_arm"}
     assert {*files["kinematics"]} == groups
     assert groups | {"whole_body"} <= {*files["ompl_planning"]}
