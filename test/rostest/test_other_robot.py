@@ -20,6 +20,7 @@ from support.ros_testing import (
 from tf2_msgs.msg import TFMessage
 
 from g1_description.robot.urdf import parse_urdf
+from g1_description.ros.parameters import parse_robot, read_robot
 
 from page_client import PageClient
 from ports import free_port
@@ -106,7 +107,7 @@ class TestRobotWithAProfile(Display, unittest.TestCase):
 
     @classmethod
     def arguments(cls):
-        folder = tempfile.mkdtemp()
+        cls.folder = folder = tempfile.mkdtemp()
         cls.addClassCleanup(shutil.rmtree, folder)
         Path(folder, "robot.yaml").write_text(f"names: [strider]\nmodel: {STRIDER}\n")
         Path(folder, "poses.yaml").write_text("low: {l_hip: -0.1, r_hip: -0.1}\n")
@@ -116,3 +117,10 @@ class TestRobotWithAProfile(Display, unittest.TestCase):
     def test_0_it_begins_in_its_pose(self):
         position = dict(zip(self.states.wait().name, self.states.wait().position))
         self.assertAlmostEqual(position["l_hip"], -0.1, delta=0.02)
+
+    def test_nodes_know_its_profile(self):
+        """The simulator does as well, for a robot that another node spawns."""
+        text = rospy.get_param("/robot_description")
+        for robot in (read_robot("/robot_description"), parse_robot(text)):
+            self.assertEqual(robot.profile.motors, Path(self.folder, "motors.yaml"))
+        self.assertEqual(parse_robot(text.replace("sole_l", "sole")).profile.name, "")
