@@ -22,6 +22,7 @@ from g1_description.errors import (
 from g1_description.motion.files.formats import read_motion, write_motion
 from g1_description.motion.mirror import mirrored
 from g1_description.motion.motion import UNIT_TOLERANCE, Motion, fitted
+from g1_description.motion.motors import motors_of
 from g1_description.robot.assembly import WORLD, base_of, root_in_base
 from g1_description.robot.description import Joint
 from g1_description.robot.dynamics import (
@@ -98,13 +99,13 @@ class Robot:
         name = fspath(model)
         is_text = name.lstrip().startswith("<")
         found = parse_urdf(name) if is_text else read_description(name)
-        if motors is not None:
-            profile = replace(found.profile, motors=Path(motors).expanduser())
-            found = replace(found, given_profile=profile)
-        self.description = found
-        """Links and joints, as read from the file."""
         self.profile = found.profile
         """Names of its feet, hands and head, and its further files."""
+        if motors is not None:
+            self.profile = replace(self.profile, motors=Path(motors).expanduser())
+        # Given, so that processes on other machines need not find it.
+        self.description = replace(found, given_profile=self.profile)
+        """Links and joints, as read from the file."""
         self._allowed = None if collisions is None else Path(collisions).expanduser()
         joints = self.description.movable_joints
         self.name = self.description.name
@@ -568,7 +569,11 @@ class Robot:
 
         conditions = None
         if physics:
-            conditions = Conditions(fixed_base=fixed_base, stops_at_fall=True)
+            conditions = Conditions(
+                motors=motors_of(self.description),
+                fixed_base=fixed_base,
+                stops_at_fall=True,
+            )
         if visual_hulls:
             shapes = self._usual_checker.collisions
         else:

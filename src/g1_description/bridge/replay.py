@@ -25,7 +25,12 @@ from g1_description.robot.transform import IDENTITY
 from g1_description.ros.conversions import transform
 from g1_description.ros.lifecycle import quiet_when_closing, start_node
 from g1_description.ros.master import stay_registered
-from g1_description.ros.parameters import check_range, read_parameters, read_robot
+from g1_description.ros.parameters import (
+    DESCRIPTION,
+    check_range,
+    read_parameters,
+    read_robot,
+)
 
 REST = 1.0
 """Pause before a motion starts again, in [s]."""
@@ -161,7 +166,7 @@ def main() -> None:
     start_node("replay")
     try:
         parameters = read_parameters(ReplayParameters)
-        robot = read_robot("robot_description")
+        robot = read_robot(DESCRIPTION)
         rate, topic = parameters.fps or None, parameters.topic or None
         told = parameters.order or None, parameters.format or None
         motion = read_motion(Path(parameters.file), robot, rate, topic, *told)
