@@ -5,6 +5,7 @@ import subprocess
 import tempfile
 import unittest
 from pathlib import Path
+from threading import Event
 
 import numpy as np
 import rospy
@@ -32,6 +33,12 @@ from trajectory_msgs.msg import (
     JointTrajectoryPoint,
     MultiDOFJointTrajectoryPoint,
 )
+
+from g1_description.bridge.parameters import RobotParameters
+from g1_description.robot.urdf import parse_urdf
+from g1_description.ros.log import ThrottledLog
+from g1_description.ros.waiting import RefusedError
+from g1_description.web.live_robot import LiveRobot
 
 UPRIGHT = [0.0, 0.0, 0.793, 0.0, 0.0, 0.0, 1.0]
 LEFT, RIGHT = "left_ankle_roll_link", "right_ankle_roll_link"
@@ -280,6 +287,20 @@ class TestAnchor(unittest.TestCase):
             text=True,
             timeout=DEADLINE,
         )
+
+    def test_the_page_shows_the_anchor_as_it_is_when_opened_and_sets_it(self):
+        description = parse_urdf(self.urdf)
+        robot = LiveRobot(
+            RobotParameters("g1_robot", ""), description, "map", Event(), "gazebo/"
+        )
+        self.anchor(LEFT)
+        robot.watch(ThrottledLog())
+        self.addCleanup(robot.ignore)
+        self.assertEqual(robot.anchor, LEFT)
+        robot.set_anchor(RIGHT)
+        with self.assertRaisesRegex(RefusedError, "^The anchor was refused: g1_robot "):
+            robot.set_anchor("ear")
+        self.assertEqual((robot.anchor, self.anchor_now()), (RIGHT, RIGHT))
 
     def test_play_keeps_a_foot_in_a_motion_without_a_base(self):
         folder = tempfile.TemporaryDirectory()
