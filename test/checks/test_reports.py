@@ -4,6 +4,7 @@ import csv
 import io
 import json
 import math
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import pytest
@@ -186,7 +187,7 @@ def test_the_page_needs_nothing_from_elsewhere(tmp_path_factory, outcomes):
     folder = tmp_path_factory.mktemp("page")
     picture = folder / "picture.png"
     picture.write_bytes(b"\x89PNG")
-    pictures = [picture if outcome.verdict else None for outcome in outcomes]
+    pictures = [[picture] * (2 if o.verdict else 0) for o in outcomes]
     write_page(folder / "page.html", outcomes, pictures, 0)
     text = (folder / "page.html").read_text(encoding="utf-8")
     page = Page(text)
@@ -197,7 +198,9 @@ def test_the_page_needs_nothing_from_elsewhere(tmp_path_factory, outcomes):
     data = [link for link in page.links if link not in inside]
     assert [link[1:] for link in inside] == page.ids
     assert len(inside) == len(outcomes)
-    assert data == ["data:image/png;base64,iVBORw=="] * sum(map(bool, pictures))
+    figures = sum(bool(o.verdict and o.verdict.findings) for o in outcomes)
+    n_pictures = figures + sum(map(bool, pictures))
+    assert data == ["data:image/png;base64,iVBORw=="] * n_pictures
 
 
 BODY = """
@@ -218,12 +221,11 @@ BODY = """
 <h2 id="file0">&lt;b&gt;\\udcff <span class="result failed">failed</span></h2>
 <p class="about">&lt;r&gt;: duration 3, least zmp margin 0.1235</p>
 <table>
-<tr><th></th><th>check</th><th>joint, link or pair</th><th>worst</th><th>first at</th>\
-<th>share of time</th></tr>
+<tr><th></th><th>check</th><th>finding</th><th>first at</th><th>share of time</th></tr>
 <tr><td><span class="result failed">failed</span></td><td>position</td>\
-<td>&lt;i&gt;</td><td>0.5 rad</td><td>1.250 s</td><td>50.0 %</td></tr>
+<td>&lt;i&gt; is far</td><td>1.250 s</td><td>50.0 %</td></tr>
 <tr><td><span class="result warning">warning</span></td><td>fall</td>\
-<td>the robot</td><td></td><td>1.250 s</td><td></td></tr>
+<td>far</td><td>1.250 s</td><td></td></tr>
 </table>
 <p class="about">excluded by energy &gt; 9</p>
 <p class="about">1 &gt; 0</p>
@@ -237,7 +239,7 @@ def test_the_page_says_what_was_found_and_names_are_text(tmp_path):
     fall = finding(severity="warning", check="fall", subject=(), unit="")
     verdict = Verdict(
         "<r>",
-        (finding(subject=("<i>",)), fall),
+        (finding(text="<i> is far"), replace(fall, cause=1)),
         ("position", "fall"),
         {"jerk": "a & b"},
         {"duration": 3.0, "least_zmp_margin": 0.12346},
@@ -246,11 +248,11 @@ def test_the_page_says_what_was_found_and_names_are_text(tmp_path):
     )
     failed = FileResult("<b>\udcff", verdict)  # a byte of its name is no text
     not_read = FileResult("&.csv", None, "1 < 2.", NOT_READ)
-    write_page(tmp_path / "page.html", [failed, not_read], [None, None], 3)
+    write_page(tmp_path / "page.html", [failed, not_read], [[], []], 3)
     text = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert text.split("<body>")[1].split("<script>")[0] == BODY
     plain = Verdict("r")
-    write_page(tmp_path / "page.html", [FileResult("a.csv", plain)], [None], 0)
+    write_page(tmp_path / "page.html", [FileResult("a.csv", plain)], [[]], 0)
     text = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert Page(text.split("<script>")[0]).text.endswith(
         "1 file: 1 passed.\n\nfileresultfailedwarningsfirst at"
@@ -263,7 +265,11 @@ def test_the_page_says_what_was_found_and_names_are_text(tmp_path):
 def test_the_table_says_what_was_found():
     verdict = Verdict(
         "r",
-        (finding(), finding(severity="warning", check="fall", subject=(), unit="")),
+        (
+            finding(text="knee"),
+            finding(text="elbow", worst=0.7, share=0.25, first_time=1.5),
+            finding(severity="warning", check="fall", subject=(), unit="", cause=1),
+        ),
         ("position", "fall"),
         {"jerk": "no bounds are set", "acceleration": "no bounds are set"},
         {"duration": 3.0, "samples": 91},
@@ -272,9 +278,9 @@ def test_the_table_says_what_was_found():
     lines = outcome_text(FileResult("a.csv", verdict)).splitlines()
     assert lines[0] == "a.csv: failed, 3.00 s, 91 samples"
     words = [" ".join(line.split()) for line in lines]
-    assert words[1] == "check joint, link or pair worst first at share of time"
-    assert words[2] == "failed position elbow 0.5 rad 1.250 s 50.0 %"
-    assert words[3] == "warning fall the robot 1.250 s"
+    assert words[1] == "check finding first at share of time"
+    assert words[2] == "failed position elbow, also elbow 1.250 s 50.0 %"
+    assert words[3] == "warning fall far 1.250 s"
     assert lines[4:] == [
         "  note: assuming 30 Hz.",
         "  skipped: jerk, acceleration (no bounds are set)",

@@ -1,6 +1,8 @@
 """The command check: what it refuses, prints and writes, and what it ends with."""
 
+import base64
 import csv
+import io
 import json
 import os
 import signal
@@ -9,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 pytest.importorskip("rospy", reason="rospy is not installed")
 
@@ -22,8 +25,11 @@ from g1_description.cli.motion_paths import motion_files, picture_names
 from g1_description.command_line import parse
 from g1_description.errors import InvalidValueError
 from g1_description.motion.selection import Choice, Selection
+from g1_description.render.findings import SIZE
 
 PASSES, FAILS = 0.3, 1.5
+BOX = """<visual><geometry><box size="0.4 0.4 0.1"/></geometry>
+  <material name="red"><color rgba="1 0 0 1"/></material></visual>"""
 
 
 @pytest.fixture
@@ -344,6 +350,47 @@ def test_ctrl_c_writes_what_is_done(folder, monkeypatch, jobs):
     assert len((folder / "out.csv").read_text().splitlines()) == n_done + 1
     group = int((folder / "group").read_text())
     wait_for(lambda: not is_running(group), "the end of all processes")
+
+
+def test_watched_motions_are_checked_when_they_change(folder, monkeypatch):
+    (file,) = write_motions(folder, PASSES)
+    notify = check.notify
+
+    def answer(text):
+        """Edit the motion while the command waits; then end it."""
+        notify(text)
+        if "waiting" in text and "now" not in file.read_text():
+            write_motions(folder, FAILS)
+            file.write_text(f"# now\n{file.read_text()}")
+        elif "waiting" in text:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    def main():
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        sys.argv[1:] = [".", "--model", "post.urdf", "--watch", "--json", "a.json"]
+        start.run("check")
+
+    monkeypatch.setattr(check, "notify", answer)
+    run = run_forked(main)
+    assert run.returncode == 1, run.stderr
+    first, *_, last = run.stdout.splitlines()
+    assert first.endswith("passed, 1.00 s, 51 samples")
+    assert last == "1 file: 1 failed; ignored 2 with other extensions."
+    assert run.stderr.splitlines() == 2 * ["check: waiting for changes; Ctrl-C ends."]
+
+
+def test_the_page_shows_the_robot_at_its_worst(folder):
+    shown = POST.replace("</link>", f"{BOX}</link>", 1)
+    (folder / "post.urdf").write_text(shown)
+    (file,) = write_motions(folder, FAILS)
+    assert run(file, "--html", "page.html") == 1
+    figures = (folder / "page.html").read_text().split("<figure>")[1:]
+    assert figures
+    for figure in figures:
+        data = base64.b64decode(figure.split("base64,")[1].split('"')[0])
+        pixels = np.asarray(Image.open(io.BytesIO(data)).convert("RGB"), int)
+        assert pixels.shape[1::-1] == SIZE
+        assert (pixels[..., 0] - pixels[..., 1:].max(axis=-1) > 60).sum() > 500  # red
 
 
 def is_running(group):

@@ -139,3 +139,14 @@ def test_only_signals_end_it_quietly(monkeypatch, capsys, error, is_down, end):
         assert ended.value.code == 130
     elif end:
         assert ended.value is error
+
+
+def test_a_closed_pipe_ends_a_command_quietly(monkeypatch):
+    def write():
+        reading, writing = os.pipe()
+        os.close(reading)
+        os.dup2(writing, 1)
+        print("much", flush=True)
+
+    run = run_command(monkeypatch, write)
+    assert (run.returncode, run.stderr) == (128 + signal.SIGPIPE, "")

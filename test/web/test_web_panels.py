@@ -113,7 +113,7 @@ def finding(*intervals, severity=FAILED, subject=("a",), text="too fast"):
 
 def bars(*found, span=(0.0, 10.0)):
     """Give the rows of strips: where each bar begins and how long it is, in %."""
-    rows = ElementTree.fromstring(findings.strips(found, span))
+    rows = ElementTree.fromstring(findings.strips([[f] for f in found], span))
     return [
         [
             tuple(
@@ -148,7 +148,7 @@ def test_texts_of_findings_are_text(text):
     # What XML forbids at all is no matter of ours.
     printable = "".join(c for c in text + HOSTILE if c.isprintable())
     row = ElementTree.fromstring(
-        findings.strips((finding((0.0, 1.0), text=printable),), (0.0, 1.0))
+        findings.strips([[finding((0.0, 1.0), text=printable)]], (0.0, 1.0))
     )
     assert [element.tag for element in row.iter()] == ["div", "div", "i"]
     assert row[0].get("title") == printable
@@ -156,19 +156,24 @@ def test_texts_of_findings_are_text(text):
 
 
 def test_a_strip_has_the_colour_of_what_it_means():
-    html = findings.strips((finding((0.0, 1.0), severity=WARNING),), (0.0, 1.0))
+    html = findings.strips([[finding((0.0, 1.0), severity=WARNING)]], (0.0, 1.0))
     assert findings.COLORS[WARNING] in html
     assert findings.COLORS[FAILED] not in html
 
 
-def test_there_are_no_more_strips_than_buttons():
-    many = [finding((0.0, 1.0))] * (findings.MAX_BUTTONS + 5)
-    assert len(bars(*many)) == findings.MAX_BUTTONS
+def test_findings_of_one_cause_share_a_strip_and_a_button():
+    arm = finding((1.0, 2.0), subject=("l", "r"), text="l in r")
+    elbow = replace(finding((1.5, 2.5), subject=("e", "r")), worst=3.0, text="e in r")
+    (row,) = ElementTree.fromstring(findings.strips([[arm, elbow]], (0.0, 10.0)))
+    assert len(row) == 2
+    assert row.get("title") == "e in r, also l - r"
+    assert findings.title([arm, elbow]) == "1.50 s  velocity e - r +1"
 
 
 def test_a_verdict_in_a_line():
     def told(*severities, **more):
-        found = tuple(finding((0.0, 1.0), severity=s) for s in severities)
+        found = (finding((0.0, 1.0), severity=s) for s in severities)
+        found = tuple(replace(f, cause=n) for n, f in enumerate(found))
         return findings.summary(Verdict("r", found, **more))
 
     assert told(checked=("velocity",)) == "**passed**"
@@ -180,7 +185,7 @@ def test_a_verdict_in_a_line():
     assert told(skipped=skipped) == (
         "All checks were skipped: floating: there is no base."
     )
-    assert findings.title(finding((1.5, 2.0), subject=("l", "r"))) == (
+    assert findings.title([finding((1.5, 2.0), subject=("l", "r"))]) == (
         "1.50 s  velocity l - r"
     )
 
@@ -361,7 +366,7 @@ def poses(server, monkeypatch, tmp_path):
     file.write_text("low:\n  to_b: 0.5\nother:\n  nose: 0.5\n")
     monkeypatch.setattr(controls, "user_file", lambda: file)
     monkeypatch.setattr(
-        controls, "read_poses", lambda: parse_poses(file.read_text(), str(file))
+        controls, "read_poses", lambda _: parse_poses(file.read_text(), str(file))
     )
     done = []
     ui = SimpleNamespace(
@@ -412,7 +417,7 @@ def test_a_pose_is_saved_under_a_new_name_or_where_it_is_wanted(poses):
             panel._save()
     panel._replace.value = True
     panel._save()
-    (pose,) = (p for p in controls.read_poses().values() if p.name == "low")
+    (pose,) = (p for p in controls.read_poses(None).values() if p.name == "low")
     assert pose.positions == {"to_b": 0.25, "to_c": -0.5}
     assert pose.about == "saved in the browser"
     assert panel._replace.value is False
@@ -611,7 +616,9 @@ def test_there_is_nothing_to_copy_before_the_first_state():
     shown = Shown()
     shown.where = None
     for write in (configuration_yaml, configuration_command):
-        with pytest.raises(InvalidValueError, match="No state of the robot has come"):
+        with pytest.raises(
+            InvalidValueError, match="No state of the robot has been received"
+        ):
             write(shown)
 
 

@@ -27,6 +27,7 @@ from typing import Any, Callable, Union
 
 from g1_description.checks.checker import Checker
 from g1_description.checks.report import NO_MOTION, NOT_READ, FileResult
+from g1_description.checks.verdict import Verdict
 from g1_description.errors import G1DescriptionError, MotionError, NoMotionError, cause
 from g1_description.motion.files.formats import read_motion
 from g1_description.motion.motion import Motion
@@ -85,6 +86,9 @@ class FileChecker(FileWorker):
     reader: Reader = read_motion
     """Reads files."""
 
+    draw: Callable[[Motion, Verdict], tuple[bytes, ...]] | None = None
+    """Draws pictures of the first causes of findings, as PNG; None: there are none."""
+
     def outcome(self, name: str, content: Content) -> FileResult:
         """Check a file; errors become its result."""
         try:
@@ -101,11 +105,14 @@ class FileChecker(FileWorker):
 
                 joints = self.checker.description.movable_joints
                 plot = motion_plot(name, verdict, joints)
+            moments = self.draw(motion, verdict) if self.draw is not None else ()
         except G1DescriptionError as error:
             return FileResult(name, problem=str(error))
         except Exception as error:
             return FileResult(name, problem=mishap(error))
-        return FileResult(name, replace(verdict, measured=None), plot=plot)
+        return FileResult(
+            name, replace(verdict, measured=None), plot=plot, moments=moments
+        )
 
     def read(self, name: str, content: Content) -> Motion | FileResult:
         """Read a motion; the outcome where there is none."""

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from g1_description.checks.causes import with_causes
 from g1_description.checks.intervals import intervals, time_share
 from g1_description.checks.measured import CheckedRobot, Measured, measure
 from g1_description.checks.rule import Rule
@@ -22,6 +23,7 @@ from g1_description.collisions.find_pairs import collisions_of
 from g1_description.collisions.self_collisions import SelfCollisions
 from g1_description.errors import G1DescriptionError, UnknownNameError
 from g1_description.motion.motion import Motion
+from g1_description.robot.assembly import limbs_of
 from g1_description.robot.description import Description
 from g1_description.sim.rollout import Conditions, rollout
 from g1_description.text import listed, similar_first
@@ -49,7 +51,7 @@ class Checker:
             physics: How motions are simulated; None: they are not.
 
         Raises:
-            AllowedPairsError: If the file of the G1's allowed pairs cannot be read.
+            AllowedPairsError: If the file of its allowed pairs cannot be read.
             ThresholdError: If the file of the defaults cannot be read, or thresholds
                 name other joints.
         """
@@ -60,6 +62,8 @@ class Checker:
         self.fixed_base = fixed_base
         self.notes = (*zero_limits(description), *self.collisions.notes)
         """Messages on assumptions about the robot."""
+        self._limbs = limbs_of(description)
+        self._grouping = {rule.name: rule.grouping for rule in RULES}
         self._robot = CheckedRobot(
             description, self.thresholds, self.collisions, fixed_base
         )
@@ -167,9 +171,10 @@ class Checker:
         notes = [*self.notes, *notes]
         if measured.played is not None:
             notes += [*measured.played.left_out, physics_summary(measured)]
+        found = sorted_findings(f for rule in made for f in rule.find(rule, measured))
         verdict = Verdict(
             self.description.name,
-            sorted_findings(f for rule in made for f in rule.find(rule, measured)),
+            with_causes(found, self._grouping, self._limbs),
             tuple(rule.name for rule in made),
             {rule.name: why for rule, why in rules.items() if why},
             _figures(measured),

@@ -7,10 +7,11 @@ import io
 import json
 import math
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from g1_description.checks.causes import cause_text, worst_of
 from g1_description.checks.rules import RULES
 from g1_description.checks.verdict import (
     COUNTS,
@@ -47,6 +48,9 @@ class FileResult:
     plot: bytes = b""
     """A picture as PNG; empty if none was requested."""
 
+    moments: tuple[bytes, ...] = ()
+    """Pictures of the first causes of its findings, as PNG; empty if not requested."""
+
     picture: str = ""
     """File of the picture, from the folder of the report; empty if there is none."""
 
@@ -58,8 +62,8 @@ class FileResult:
         return self.without_verdict
 
     def without_plot(self) -> FileResult:
-        """Return a copy without the picture."""
-        return replace(self, plot=b"")
+        """Return a copy without the pictures."""
+        return replace(self, plot=b"", moments=())
 
 
 def counted(results: Iterable[str]) -> dict[str, int]:
@@ -68,7 +72,8 @@ def counted(results: Iterable[str]) -> dict[str, int]:
     return {result: counts[result] for result in RESULTS}
 
 
-HEAD = ("", "check", "joint, link or pair", "worst", "first at", "share of time")
+HEAD = ("", "check", "finding", "first at", "share of time")
+"""Columns of the table of findings."""
 
 
 def outcome_text(outcome: FileResult) -> str:
@@ -79,7 +84,7 @@ def outcome_text(outcome: FileResult) -> str:
         return f"{head}: {outcome.problem}"
     lines = [f"{head}{_measures(verdict)}"]
     if verdict.findings:
-        lines += table([HEAD, *(finding_row(f) for f in verdict.findings)], 3)
+        lines += table([HEAD, *map(cause_row, verdict.causes)], 3)
     lines += [f"  excluded by {rule}" for rule in verdict.excluded_by]
     lines += [f"  note: {note}" for note in verdict.notes]
     if verdict.skipped:
@@ -111,15 +116,15 @@ def _measures(verdict: Verdict) -> str:
     return f", {figures['duration']:.2f} s, {figures['samples']:.0f} samples"
 
 
-def finding_row(finding: Finding) -> tuple[str, ...]:
-    """Describe a finding: severity, check, subject, size, first time, duration."""
+def cause_row(findings: Collection[Finding]) -> tuple[str, ...]:
+    """Describe the findings of one cause: severity, check, the worst, first, share."""
+    worst = worst_of(findings)
     return (
-        finding.severity,
-        finding.check,
-        finding.name or "the robot",
-        f"{finding.worst:.4g} {finding.unit}" if finding.unit else "",
-        f"{finding.first_time:.3f} s",
-        f"{100.0 * finding.share:.1f} %" if finding.unit else "",
+        worst.severity,
+        worst.check,
+        cause_text(findings),
+        f"{min(finding.first_time for finding in findings):.3f} s",
+        f"{100.0 * max(f.share for f in findings):.1f} %" if worst.unit else "",
     )
 
 

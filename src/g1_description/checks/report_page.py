@@ -7,11 +7,12 @@ from collections.abc import Iterator, Sequence
 from html import escape
 from pathlib import Path
 
+from g1_description.checks.causes import cause_text
 from g1_description.checks.report import (
     HEAD,
     FileResult,
+    cause_row,
     counted,
-    finding_row,
     skipped_text,
     summary_text,
 )
@@ -32,6 +33,9 @@ td + td:not(:last-child) { white-space: nowrap; }
 .failed { background: #f0bf99; } .not { background: #ddd; }
 .about { color: #555; margin: .2em 0; } img { max-width: 100%; }
 a { color: #0060a0; }
+.moments { display: flex; flex-wrap: wrap; gap: 1em; }
+figure { margin: .4em 0; max-width: 300px; }
+figcaption { font-size: .87em; color: #444; overflow-wrap: anywhere; }
 .files th { cursor: pointer; white-space: nowrap; }
 """
 
@@ -71,7 +75,7 @@ COLUMNS = {
 def write_page(
     path: Path,
     outcomes: Sequence[FileResult],
-    pictures: Sequence[Path | None],
+    pictures: Sequence[Sequence[Path]],
     not_done: int,
 ) -> None:
     """Write a page.
@@ -79,8 +83,9 @@ def write_page(
     Args:
         path: The file.
         outcomes: Of the files that are done.
-        pictures: PNG files or None, one for each outcome. They are embedded one after
-            the other: all may not fit into memory.
+        pictures: PNG files of each outcome: its plot, which may be empty, and those of
+            its causes. They are embedded one after another: all may not fit into
+            memory.
         not_done: Number of files that are not done.
 
     Raises:
@@ -92,7 +97,7 @@ def write_page(
 
 
 def _page(
-    outcomes: Sequence[FileResult], pictures: Sequence[Path | None], not_done: int
+    outcomes: Sequence[FileResult], pictures: Sequence[Sequence[Path]], not_done: int
 ) -> Iterator[str]:
     """Write the parts of a page."""
     yield (
@@ -103,8 +108,8 @@ def _page(
         "</p>\n"
     )
     yield from _overview(outcomes)
-    for number, (outcome, picture) in enumerate(zip(outcomes, pictures)):
-        yield from _section(number, outcome, picture)
+    for number, (outcome, files) in enumerate(zip(outcomes, pictures)):
+        yield from _section(number, outcome, files)
     yield f"<script>{SCRIPT}</script>\n</body>\n</html>\n"
 
 
@@ -133,7 +138,9 @@ def _overview(outcomes: Sequence[FileResult]) -> Iterator[str]:
     yield "</table>\n"
 
 
-def _section(number: int, outcome: FileResult, picture: Path | None) -> Iterator[str]:
+def _section(
+    number: int, outcome: FileResult, pictures: Sequence[Path]
+) -> Iterator[str]:
     """Write the section of a file."""
     yield (
         f'<h2 id="file{number}">{escape(outcome.file)} {_badge(outcome.result)}</h2>\n'
@@ -141,13 +148,23 @@ def _section(number: int, outcome: FileResult, picture: Path | None) -> Iterator
     if outcome.verdict is None:
         yield f"<p>{escape(outcome.problem)}</p>\n"
         return
+    plot, moments = next(iter(pictures), None), pictures[1:]
     yield from _verdict(outcome.verdict)
-    if picture is not None:
-        data = base64.b64encode(picture.read_bytes()).decode("ascii")
-        yield (
-            f'<img alt="{escape(outcome.file)} over time" '
-            f'src="data:image/png;base64,{data}">\n'
-        )
+    if moments:
+        yield '<div class="moments">\n'
+        for findings, file in zip(outcome.verdict.causes, moments):
+            text = escape(cause_text(findings))
+            caption = f"<figcaption>{text}</figcaption>"
+            yield f"<figure>{_image(file, text)}{caption}</figure>\n"
+        yield "</div>\n"
+    if plot is not None and plot.stat().st_size:
+        yield f"{_image(plot, f'{escape(outcome.file)} over time')}\n"
+
+
+def _image(file: Path, text: str) -> str:
+    """Embed a PNG."""
+    data = base64.b64encode(file.read_bytes()).decode("ascii")
+    return f'<img alt="{text}" src="data:image/png;base64,{data}">'
 
 
 def _verdict(verdict: Verdict) -> Iterator[str]:
@@ -159,8 +176,8 @@ def _verdict(verdict: Verdict) -> Iterator[str]:
     yield f'<p class="about">{escape(verdict.robot)}: {escape(figures)}</p>\n'
     if verdict.findings:
         yield f"<table>\n{_row('th', HEAD)}"
-        for finding in verdict.findings:
-            severity, *cells = finding_row(finding)
+        for findings in verdict.causes:
+            severity, *cells = cause_row(findings)
             yield _row("td", [_badge(severity), *map(escape, cells)])
         yield "</table>\n"
     for rule in verdict.excluded_by:

@@ -68,6 +68,10 @@ class Rule:
     label: str = "{subject}"
     """Label of a finding's marker, followed by its size."""
 
+    grouping: str = ""
+    """Which findings have the same cause: ``BY_LIMBS`` or ``BY_TIME`` of ``causes``;
+    empty: none."""
+
     reddens: bool = False
     """Whether the links of a finding are drawn in red."""
 

@@ -72,6 +72,9 @@ class Finding:
     points: tuple[tuple[float, float, float], ...] = ()
     """Points of the worst size in the map, in [m]; may be empty."""
 
+    cause: int = 0
+    """Number of its cause, which other findings of the motion may have, too."""
+
     @property
     def name(self) -> str:
         """The subject as text."""
@@ -127,6 +130,14 @@ class Verdict:
         """``failed``, ``warning`` or ``passed``."""
         found = {finding.severity for finding in self.findings}
         return next((s for s in (FAILED, WARNING) if s in found), PASSED)
+
+    @property
+    def causes(self) -> tuple[tuple[Finding, ...], ...]:
+        """The findings, those of one cause together, in the order of the first ones."""
+        by_cause: dict[int, list[Finding]] = {}
+        for finding in self.findings:
+            by_cause.setdefault(finding.cause, []).append(finding)
+        return tuple(map(tuple, by_cause.values()))
 
     @property
     def counts(self) -> dict[str, int]:

@@ -9,14 +9,16 @@ import argparse
 import os
 import re
 import sys
+import time
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, replace
+from itertools import count, takewhile
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TextIO
 
-from g1_description.api import MODEL, Robot
+from g1_description.api import Robot
 from g1_description.bounds import MAX_PORT
 from g1_description.checks.batch import FileChecker, Here, Processes, Task, check_files
 from g1_description.checks.cluster import Cluster
@@ -42,11 +44,13 @@ from g1_description.cli.compare import (
 from g1_description.cli.motion_paths import MotionFiles, motion_files, picture_names
 from g1_description.cli.progress import Printer
 from g1_description.cli.start import INTERRUPTED
-from g1_description.collisions.find_pairs import collisions_of
 from g1_description.command_line import number, option, parse, say
 from g1_description.errors import ClusterError, G1DescriptionError, InvalidValueError
 from g1_description.files.atomic import whole_file, write_whole
+from g1_description.motion.files.formats import ENDINGS
+from g1_description.motion.paths import split
 from g1_description.motion.selection import EXCLUDE, UNDECIDED, Choice, Selection
+from g1_description.render.findings import FindingPictures
 from g1_description.ros.lifecycle import own_arguments
 from g1_description.text import listed, similar_first
 
@@ -55,7 +59,7 @@ MISUSE = 2
 
 STDOUT = "-"
 
-ENDINGS = {"json": ".json", "csv": ".csv", "html": ".html", "write_selection": ".yaml"}
+REPORTS = {"json": ".json", "csv": ".csv", "html": ".html", "write_selection": ".yaml"}
 """File extensions of reports."""
 
 
@@ -95,7 +99,7 @@ class CheckOptions:
     """
 
     files: list[Path] = options.motions()
-    model: str | None = options.model()
+    model: str = options.model()
     fps: float | None = options.fps()
     topic: str | None = options.topic()
     order: str | None = options.order()
@@ -116,13 +120,15 @@ class CheckOptions:
     no_visual_hulls: bool = option(
         "do not substitute hulls of visual shapes for missing collision shapes", False
     )
-    collisions: Path | None = option(
-        "file of allowed collisions, as written by collision_pairs",
+    motors: Path | None = option(
+        "with --physics: file of the motors",
         None,
         Path,
         metavar="YAML",
-        see="[allowed pairs](checks.md#allowed-pairs)",
+        shown="that of the robot's profile, or as in its URDF",
+        see="[motors](motions.md#tracked-by-motors)",
     )
+    collisions: Path | None = options.collisions()
     selection: Path | None = options.selection()
     write_selection: Path | None = option(
         "exclude the motions that a rule of the thresholds excludes in this selection, "
@@ -172,6 +178,10 @@ class CheckOptions:
         metavar="SECONDS",
         shown="found",
     )
+    watch: bool = option(
+        "check again whenever a file changes, until Ctrl-C; start-up is paid once",
+        False,
+    )
     quiet: bool = option("print only the last line, with the counts", False)
     jobs: int = options.jobs()
     dask: str | None = option(
@@ -193,14 +203,19 @@ class CheckOptions:
         physics = [name for name in self.only if name in played]
         if physics and not self.physics:
             raise InvalidValueError(f"--only {listed(physics)} needs --physics")
-        for name, ending in ENDINGS.items():
+        for name, ending in REPORTS.items():
             file = getattr(self, name)
             if file not in (None, STDOUT) and Path(file).suffix.lower() != ending:
                 flag = f"--{name.replace('_', '-')}"
                 raise InvalidValueError(f"{flag} must end in {ending} (got {file})")
+        if self.motors and not self.physics:
+            raise InvalidValueError("--motors needs --physics")
         if self.shift is not None and self.against is None:
             raise InvalidValueError("--shift needs --against")
+        if self.watch and self.dask is not None:
+            raise InvalidValueError("--watch and --dask cannot be combined")
         names = ("csv", "plot", "html", "write_selection", "dask", "only", "quiet")
+        names += ("watch",)
         unfit = [f"--{name.replace('_', '-')}" for name in names if getattr(self, name)]
         unfit += ["--jobs"] if self.jobs > 1 else []
         if self.against is not None and unfit:
@@ -249,8 +264,9 @@ class Reports:
         if outcome.plot and task.number in self._pictures:
             with self._going_on():
                 write_whole(self._pictures[task.number], outcome.plot)
-        if outcome.plot and self._kept:
-            Path(self._kept.name, str(task.number)).write_bytes(outcome.plot)
+        if self._kept:
+            for name, png in enumerate((outcome.plot, *outcome.moments)):
+                Path(self._kept.name, f"{task.number}_{name}").write_bytes(png)
 
     def write(self, outcomes: Mapping[int, FileResult], not_done: int) -> None:
         """Write the rest.
@@ -270,9 +286,8 @@ class Reports:
                 _write(self._args.csv, csv_text(listed))
         if self._args.html:
             with self._going_on(), whole_file(self._args.html) as part:
-                pictures = [self._picture(number) for number in sorted(outcomes)]
+                pictures = [self._kept_pictures(number) for number in sorted(outcomes)]
                 write_page(part, found, pictures, not_done)
-
         if self._args.write_selection:
             with self._going_on():
                 self._select(self._args.write_selection, outcomes)
@@ -312,11 +327,11 @@ class Reports:
         except InvalidValueError as error:
             self.problems.append(str(error))
 
-    def _picture(self, number: int) -> Path | None:
-        """Return the kept picture of a file; None if it has none."""
+    def _kept_pictures(self, number: int) -> list[Path]:
+        """Return the kept pictures of a file: its plot, and those of its findings."""
         assert self._kept is not None
-        path = Path(self._kept.name, str(number))
-        return path if path.exists() else None
+        paths = (Path(self._kept.name, f"{number}_{name}") for name in count())
+        return [*takewhile(Path.exists, paths)]
 
 
 def _pictures(out: Path | None, tasks: Sequence[Task]) -> dict[int, Path]:
@@ -406,8 +421,12 @@ def notify(text: str) -> None:
     say(f"check: {text}", sys.stderr)
 
 
-def check(args: CheckOptions) -> int:
+def check(args: CheckOptions, checker: FileChecker | None = None) -> int:
     """Check motions; return the exit code.
+
+    Args:
+        args: Of the command line.
+        checker: Checks the files; None: it is prepared.
 
     Raises:
         G1DescriptionError: If nothing can be checked.
@@ -418,7 +437,7 @@ def check(args: CheckOptions) -> int:
     if args.against is not None:
         return _compare(args, files, args.against)
     reports = Reports(args, files.tasks)
-    checker = file_checker(args)
+    checker = checker or file_checker(args)
     is_free = STDOUT not in (args.json, args.csv)
     stream = sys.stdout if is_free and not args.quiet else None
     code = INTERRUPTED
@@ -444,6 +463,49 @@ def check(args: CheckOptions) -> int:
     return code or (MISUSE if reports.problems else 0)
 
 
+INTERVAL = 0.3
+"""Time between two looks for changes of watched files, in [s]."""
+
+
+def watch(args: CheckOptions) -> int:
+    """Check motions whenever one changes, until Ctrl-C; return the last exit code.
+
+    Raises:
+        G1DescriptionError: If nothing can be checked at the start.
+    """
+    checker = file_checker(args)
+    seen, code = _stamps(args), check(args, checker)
+    try:
+        while code != INTERRUPTED:
+            notify("waiting for changes; Ctrl-C ends.")
+            now = seen
+            while now == seen or now != _stamps(args):  # also until a file is complete
+                now = _stamps(args)
+                time.sleep(INTERVAL)
+            seen = now
+            try:
+                code = check(args, checker)
+            except (G1DescriptionError, OSError) as error:
+                notify(str(error))
+                code = MISUSE
+    except KeyboardInterrupt:
+        pass
+    return code
+
+
+def _stamps(args: CheckOptions) -> set[tuple[str, int, int]]:
+    """Return the paths, times and sizes of all motions, to compare."""
+    found = set()
+    for path in args.files:
+        file, _ = split(path)
+        below = file.rglob("*") if file.is_dir() else [file]
+        for name in (n for n in below if n.suffix.lower() in (*ENDINGS, file.suffix)):
+            with suppress(OSError):  # it is being replaced
+                status = name.stat()
+                found.add((str(name), status.st_mtime_ns, status.st_size))
+    return found
+
+
 def _compare(args: CheckOptions, files: MotionFiles, against: Path) -> int:
     """Compare motions with their references; return the exit code."""
     if args.json not in (None, STDOUT):
@@ -462,18 +524,17 @@ def file_checker(args: CheckOptions) -> FileChecker:
     Raises:
         G1DescriptionError: If a given file is invalid.
     """
-    robot = Robot(args.model or MODEL)
-    collisions = collisions_of(
-        robot.description, args.collisions, not args.no_visual_hulls
-    )
+    robot = Robot(args.model, args.motors, args.collisions)
+    hulls = not args.no_visual_hulls
     return FileChecker(
-        robot.checker(args.thresholds, args.fixed_base, collisions, args.physics),
+        robot.checker(args.thresholds, args.fixed_base, args.physics, hulls),
         args.only,
         bool(args.plot or args.html),
         args.fps,
         args.topic,
         args.order,
         args.format,
+        draw=FindingPictures(robot.description).draw if args.html else None,
     )
 
 
@@ -516,7 +577,7 @@ def main() -> None:
     """Run the command, or exit with a message."""
     args = parse(CheckOptions, "check", own_arguments(), MISUSE)
     try:
-        code = check(args)
+        code = watch(args) if args.watch else check(args)
     except (G1DescriptionError, OSError) as error:
         notify(str(error))
         code = MISUSE

@@ -40,6 +40,10 @@ def run(module: str, farewell: str = "interrupted.") -> None:
             # Python has work to do after main that must not print a traceback.
             if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
                 _answer_interrupt(_end_at_once)
+    except BrokenPipeError:  # as before `| head`
+        # Python writes the rest at its end.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        sys.exit(128 + signal.SIGPIPE)
     except BaseException as error:
         if not (isinstance(error, KeyboardInterrupt) or is_shut_down()):
             raise

@@ -36,7 +36,7 @@ BOOLEANS = {
 NUMBERS = ("x", "y", "z", "R", "P", "Y", "rate")
 """Arguments that are numbers or empty."""
 
-FILES = ("motors", "thresholds", "rvizconfig")
+FILES = ("motors", "collisions", "thresholds", "rvizconfig")
 """Arguments that are files or empty."""
 
 

@@ -14,9 +14,8 @@ from g1_description.errors import DescriptionError, InvalidValueError
 from g1_description.robot.assembly import WORLD, base_of
 from g1_description.robot.description import Description
 from g1_description.robot.state import RobotState
-from g1_description.robot.urdf import parse_urdf
 from g1_description.ros.log import ThrottledLog
-from g1_description.ros.parameters import wait_for_parameter
+from g1_description.ros.parameters import read_robot, wait_for_parameter
 from g1_description.ros.playing import MotionClient
 from g1_description.ros.robot_states import RobotStates
 from g1_description.ros.waiting import NoAnswerError, RefusedError, wait_until
@@ -294,4 +293,4 @@ def wait_for_description(namespace: str, notify: Callable[[str], None]) -> Descr
     )
     if not parameter:
         raise DescriptionError(f"No {place}; is the robot launched?")
-    return parse_urdf(str(rospy.get_param(parameter)))
+    return read_robot(parameter)

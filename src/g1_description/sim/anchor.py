@@ -5,12 +5,9 @@ Only in ``kinematic`` physics: in the others physics moves the base.
 
 from __future__ import annotations
 
-from collections.abc import Collection
-
 import numpy as np
 
 from g1_description.errors import InvalidValueError, UnknownNameError
-from g1_description.motion.files.conventions import SOLES
 from g1_description.robot.assembly import SCOPE
 from g1_description.robot.launch_arguments import LOWEST_FOOT
 from g1_description.robot.rotation import conjugate, cross, normalized, rotate
@@ -26,9 +23,8 @@ errors must not change the anchor of a robot that squats on both feet."""
 UP = np.array([0.0, 0.0, 1.0])
 
 
-def feet(links: Collection[str]) -> list[str]:
-    """Select the feet of a robot from the names of its links."""
-    return [name for name in SOLES if name in links]
+FEET = ("left_foot", "right_foot")
+"""Roles of the feet in a robot's profile."""
 
 
 class Anchor:
@@ -110,10 +106,11 @@ def _feet_of(model: Model) -> list[str]:
     Raises:
         UnknownNameError: If none is known.
     """
-    names = feet(model.link_names)
+    links = model.assembly.description.profile.links
+    names = [_body(model, links[role]) for role in FEET if role in links]
     if not names:
         raise UnknownNameError(
-            f"the feet of {model.name} are unknown; name a link instead of "
+            f"the profile of {model.name} has no feet; name a link instead of "
             f"{LOWEST_FOOT}"
         )
     return names

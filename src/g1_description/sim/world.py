@@ -67,7 +67,8 @@ class World:
             properties: The physics properties; by default Gazebo's.
             content: Models and lights; by default a ground plane and a sun. A model
                 that cannot be loaded is ignored.
-            motors: Motors of the joints in ``hold``, bounded by the robots' files.
+            motors: Motors of the joints in ``hold``, bounded by the robots' files;
+                None: those of each robot's profile.
 
         Raises:
             UnknownNameError: If there is no such physics.
@@ -100,7 +101,7 @@ class World:
                 for message in self.spawn(model.name, model.assembly, model.pose):
                     left_out.append(f"{model.name}: {message}")
             except DescriptionError as error:
-                left_out.append(f"model {model.name} is left out: {error}".rstrip("."))
+                left_out.append(f"model {model.name} is ignored: {error}".rstrip("."))
         return left_out
 
     @cached_property

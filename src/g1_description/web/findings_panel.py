@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
+from g1_description.checks.causes import cause_text, worst_of
 from g1_description.checks.marks import short_name
 from g1_description.checks.verdict import FAILED, Finding, Verdict
 from g1_description.web.ui_loop import UiLoop
@@ -25,7 +26,7 @@ def plain(text: str) -> str:
 
 
 MAX_BUTTONS = 25
-"""Largest number of findings with a button; the worst come first."""
+"""Largest number of causes with a button; the worst come first."""
 
 COLORS = {FAILED: "#d64541", "warning": "#f0932b"}
 
@@ -82,34 +83,38 @@ class FindingList:
             span: Start and end of the time line, in [s].
         """
         self._clear()
-        more = len(verdict.findings) - MAX_BUTTONS
+        causes = verdict.causes[:MAX_BUTTONS]
+        more = len(verdict.causes) - len(causes)
         rest = f"  \n{more} more are not listed; `check` lists all." if more > 0 else ""
         self._summary.content = summary(verdict) + rest
-        if verdict.findings:
-            self._strips.content = strips(verdict.findings, span)
+        if causes:
+            self._strips.content = strips(causes, span)
         if self._read_only:
-            lines = [f"- {plain(title(f))}" for f in verdict.findings[:MAX_BUTTONS]]
+            lines = [f"- {plain(title(findings))}" for findings in causes]
             self._summary.content += "\n\n" + "\n".join(lines)
         else:
             with self._folder:
-                self._buttons = [self._add(f) for f in verdict.findings[:MAX_BUTTONS]]
+                self._buttons = [self._add(findings) for findings in causes]
 
-    def _add(self, finding: Finding) -> GuiButtonHandle:
-        """Add the button of a finding."""
+    def _add(self, findings: Sequence[Finding]) -> GuiButtonHandle:
+        """Add the button of the findings of one cause."""
+        worst = worst_of(findings)
         button = self._gui.add_button(
-            title(finding),
-            hint=finding.text,
-            color="red" if finding.severity == FAILED else "orange",
+            title(findings),
+            hint=cause_text(findings),
+            color="red" if worst.severity == FAILED else "orange",
         )
-        self._ui.on(button, lambda: self._jump(finding.worst_time))
+        self._ui.on(button, lambda: self._jump(worst.worst_time))
         return button
 
 
-def title(finding: Finding) -> str:
-    """Format a finding in a few words, with the time of its worst size."""
-    subject = " - ".join(short_name(name) for name in finding.subject)
-    what = finding.check.replace("_", " ")
-    return f"{shown_time(finding.worst_time)}  {what} {subject}".strip()
+def title(findings: Sequence[Finding]) -> str:
+    """Format the findings of one cause in a few words, with the time of the worst."""
+    worst = worst_of(findings)
+    subject = " - ".join(short_name(name) for name in worst.subject)
+    what = worst.check.replace("_", " ")
+    more = f" +{len(findings) - 1}" if len(findings) > 1 else ""
+    return f"{shown_time(worst.worst_time)}  {what} {subject}".strip() + more
 
 
 def shown_time(time: float) -> str:
@@ -119,8 +124,9 @@ def shown_time(time: float) -> str:
 
 def summary(verdict: Verdict) -> str:
     """Format a verdict in Markdown, with the skipped checks."""
-    failures = sum(finding.severity == FAILED for finding in verdict.findings)
-    warnings = len(verdict.findings) - failures
+    severities = [worst_of(findings).severity for findings in verdict.causes]
+    failures = severities.count(FAILED)
+    warnings = len(severities) - failures
     counts = [
         f"{count} {word}{'s' if count > 1 else ''}"
         for count, word in ((failures, "failure"), (warnings, "warning"))
@@ -134,11 +140,11 @@ def summary(verdict: Verdict) -> str:
     return "  \n".join(lines)
 
 
-def strips(findings: tuple[Finding, ...], span: tuple[float, float]) -> str:
-    """Draw the times of findings as bars, as wide as the time line.
+def strips(causes: Sequence[Sequence[Finding]], span: tuple[float, float]) -> str:
+    """Draw the times of findings as bars, as wide as the time line, a row per cause.
 
     Args:
-        findings: The findings.
+        causes: The findings of each cause.
         span: Start and end of the time line, in [s].
 
     Returns:
@@ -146,17 +152,18 @@ def strips(findings: tuple[Finding, ...], span: tuple[float, float]) -> str:
     """
     begin, length = span[0], max(span[1] - span[0], 1e-9)
     rows = []
-    for finding in findings[:MAX_BUTTONS]:
+    for findings in causes:
+        color = COLORS[worst_of(findings).severity]
         bars = []
-        for first, last in finding.intervals:
+        for first, last in (bar for f in findings for bar in f.intervals):
             left = 100.0 * (first - begin) / length
             width = max(100.0 * (last - first) / length, LEAST_WIDTH)
             bars.append(
                 f'<i style="position:absolute;left:{min(left, 100 - width):.2f}%;'
                 f"width:{width:.2f}%;height:100%;"
-                f'background:{COLORS[finding.severity]}"></i>'
+                f'background:{color}"></i>'
             )
-        text = html.escape(finding.text, quote=True)
+        text = html.escape(cause_text(findings), quote=True)
         rows.append(
             f'<div title="{text}" style="position:relative;height:7px;margin:2px 0;'
             f'background:#e6e9ef;border-radius:2px;overflow:hidden">{"".join(bars)}'

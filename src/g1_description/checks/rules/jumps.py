@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from g1_description.checks.causes import BY_TIME
 from g1_description.checks.intervals import around
 from g1_description.checks.measured import Measured, rotation_vectors
 from g1_description.checks.rule import Rule, units
@@ -131,6 +132,7 @@ def _find_base_jumps(rule: Rule, measured: Measured) -> Iterator[Finding | None]
 
 JUMP = Rule(
     name="jump",
+    grouping=BY_TIME,
     about="a discontinuity of a joint between neighbouring samples",
     level=Level(0.1, 0.2),
     limit="rad or m, between two samples",

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from g1_description.checks.causes import BY_TIME
 from g1_description.checks.measured import CheckedRobot, Measured
 from g1_description.checks.rule import Rule, units
 from g1_description.checks.rules.jumps import near_jumps
@@ -181,6 +182,7 @@ POSITION = Rule(
 )
 VELOCITY = Rule(
     name="velocity",
+    grouping=BY_TIME,
     about="joints faster than the URDF allows",
     level=Level(None, 1.0),
     limit="fraction of the URDF's limit",
@@ -190,6 +192,7 @@ VELOCITY = Rule(
 )
 ACCELERATION = Rule(
     name="acceleration",
+    grouping=BY_TIME,
     about="joints whose acceleration exceeds a bound in the file of thresholds",
     level=Level(1.0, None),
     limit="fraction of acceleration_bounds",
@@ -200,6 +203,7 @@ ACCELERATION = Rule(
 )
 JERK = Rule(
     name="jerk",
+    grouping=BY_TIME,
     about="joints whose jerk exceeds a bound in the file of thresholds",
     level=Level(1.0, None),
     limit="fraction of jerk_bounds",

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from g1_description.checks.causes import BY_TIME
 from g1_description.checks.intervals import intervals, time_share
 from g1_description.checks.measured import Measured
 from g1_description.checks.rule import Rule, units
@@ -146,6 +147,7 @@ def physics_summary(measured: Measured) -> str:
 
 TRACKING = Rule(
     name="tracking",
+    grouping=BY_TIME,
     about="joints far from their desired positions in [simulation](#what-physics-says)",
     level=Level(0.2, None),
     limit="rad or m, of a joint; with --physics",
@@ -155,6 +157,7 @@ TRACKING = Rule(
 )
 SATURATION = Rule(
     name="saturation",
+    grouping=BY_TIME,
     about="saturated motors",
     level=Level(0.1, None),
     limit="fraction of the time at the motor's limit; with --physics",

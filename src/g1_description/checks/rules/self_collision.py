@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from g1_description.checks.causes import BY_LIMBS
 from g1_description.checks.measured import CheckedRobot, Measured
 from g1_description.checks.rule import Rule
 from g1_description.checks.thresholds import Level
@@ -61,5 +62,6 @@ SELF_COLLISION = Rule(
     requires="shapes",
     measure=_measure,
     namespace="contacts",
+    grouping=BY_LIMBS,
     reddens=True,
 )

@@ -61,8 +61,8 @@ _LIMITS = {
 BEYOND = 0.05
 """Tolerance of the limits of a layout, in [rad]."""
 
-SOLES = ("left_ankle_roll_link", "right_ankle_roll_link")
-"""Links of the feet, whose z axes are normal to the soles."""
+SOLES = ("left_foot", "right_foot")
+"""Roles of the links of a profile whose z axes are normal to the soles."""
 
 MAX_TILT = 25.0
 """Largest tilt of the lower sole of a standing robot, in [deg]."""
@@ -221,8 +221,8 @@ def w_last(
     The sole of the lower foot decides: of 67 files, 62 x y z w and 5 w x y z, its tilt
     (the median of up to 100 samples) was smaller in the right order in all, at most 17
     degrees, and 13 to 180 in the wrong one. It does not decide for a robot that lies; a
-    robot without ``SOLES`` is not checked. If the robot stands upright in both orders,
-    x y z w is assumed, with a message.
+    robot whose profile has no ``SOLES`` is not checked. If the robot stands upright in
+    both orders, x y z w is assumed, with a message.
 
     Args:
         motion: With a base, whose quaternions are as in the file.
@@ -238,7 +238,7 @@ def w_last(
     """
     check_radians(motion, robot)
     base = motion.base_poses
-    has_soles = {*SOLES} <= {*robot.link_names}
+    has_soles = {*SOLES} <= {*robot.profile.links}
     if base is None or order == "xyzw":
         return motion
     other = replace(motion, base_poses=base[:, [0, 1, 2, 4, 5, 6, 3]])
@@ -262,7 +262,7 @@ def _tilt(trajectory: Motion, robot: Description) -> float:
     positions = of_robot(trajectory.joint_names, trajectory.positions[samples], robot)
     assert trajectory.base_poses is not None
     base = trajectory.base_poses[samples]
-    rows = [robot.link_names.index(link) for link in SOLES]
+    rows = [robot.link_names.index(robot.profile.links[role]) for role in SOLES]
     feet = Kinematics(robot).link_poses(base, positions)[:, rows]
     lower = feet[np.arange(len(samples)), np.argmin(feet[..., 2], axis=1)]
     if np.median(lower[:, 2]) < LOWEST_FOOT:
