@@ -105,6 +105,13 @@ class TestPhysics(unittest.TestCase):
         self.assertEqual(self.client.step(25).time_ns, 25_000_000)
         self.assertEqual(self.client.state().time, 0.025)
 
+    def test_an_anchor_is_refused_where_physics_moves_the_base(self):
+        with self.assertRaises(G1DescriptionError) as found:
+            self.client.anchor("left_ankle_roll_link")
+        told = "an anchor needs kinematic physics; in hold physics moves the base."
+        self.assertEqual(str(found.exception), told)
+        self.assertEqual(self.client.anchor(), "")
+
     def test_motors_go_to_what_is_commanded_and_hold_what_is_set(self):
         self.client.reset()
         row = self.client.joint_names.index(ELBOW)
@@ -146,6 +153,21 @@ class TestKinematic(unittest.TestCase):
         expected[ROBOT.joint_row(ELBOW)] = 0.5
         self.assertEqual(moved.positions.tobytes(), expected.tobytes())
         self.assertEqual(moved.base.tolist(), HERE)
+
+    def test_an_anchor_stays_while_joints_are_set_and_played(self):
+        hand, before = "left_rubber_hand", self.client.set(ROBOT.neutral, HERE)
+        wanted = ROBOT.link_poses(before.positions, before.base)[hand]
+        self.addCleanup(self.client.anchor)
+        self.assertEqual(self.client.anchor(hand), "")
+        way = np.linspace(ROBOT.neutral, ROBOT.random_configuration(7), 6)
+        self.client.set(way[-1])
+        done = self.client.play(ROBOT.trajectory(0.01 * np.arange(6), way))
+        placed = ROBOT.forward_kinematics(done.positions, done.base_poses)
+        seen = placed[:, ROBOT.link_row(hand)]
+        np.testing.assert_allclose(seen, np.tile(wanted, (len(seen), 1)), atol=1e-9)
+        self.assertNotEqual(done.base_poses[-1].tolist(), HERE)
+        self.assertIn("no link 'ear'", self.refusal(self.client.anchor, "ear"))
+        self.assertEqual(self.client.anchor("lowest_foot"), hand)
 
     def test_what_is_clamped_is_told(self):
         state = self.client.set({KNEE: 9.0})

@@ -5,6 +5,7 @@ import unittest
 import rospy
 import rosservice
 from g1_description.msg import RobotTrajectory
+from g1_description.srv import SetAnchor
 from geometry_msgs.msg import Transform
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
@@ -67,6 +68,11 @@ class TestMotionElsewhere(unittest.TestCase):
 
     def test_the_simulator_cannot_play(self):
         self.assertNotIn("/gazebo/set_model_trajectory", rosservice.get_service_list())
+
+    def test_an_anchor_is_refused_in_a_sentence(self):
+        answer = rospy.ServiceProxy("/set_anchor", SetAnchor)(link_name="pelvis")
+        told = "the simulator has no anchors; use the simulator of this package"
+        self.assertEqual((answer.success, answer.status_message), (False, told))
 
     def test_a_motion_is_shown_from_its_beginning_to_its_end(self):
         self.motion.publish(motion((0.0, 0.1), (4.0, 0.6), (6.0, 0.05)))

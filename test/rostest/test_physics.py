@@ -9,7 +9,7 @@ import numpy as np
 import rospy
 import tf2_ros
 from g1_description.msg import RobotTrajectory, TrackingReport
-from g1_description.srv import PlayMotion, StepModel
+from g1_description.srv import GetAnchor, PlayMotion, SetAnchor, StepModel
 from gazebo_msgs.msg import WorldState
 from gazebo_msgs.srv import GetModelState
 from geometry_msgs.msg import Pose, Quaternion
@@ -66,6 +66,15 @@ class TestPhysics(unittest.TestCase):
             run = subprocess.run(command, capture_output=True, timeout=DEADLINE)
             self.assertEqual(run.returncode, 0, run.stderr)
             self.assertGreater(picture.stat().st_size, 1000)
+
+    def test_0_an_anchor_is_ignored_at_the_start_and_refused_later(self):
+        """The launch file of ``hold`` has one."""
+        get = rospy.ServiceProxy("/gazebo/get_anchor", GetAnchor)
+        self.assertEqual(get("g1_robot").link_name, "")
+        rospy.wait_for_service("/set_anchor", DEADLINE)
+        answer = rospy.ServiceProxy("/set_anchor", SetAnchor)(link_name="pelvis")
+        self.assertFalse(answer.success)
+        self.assertIn("needs kinematic physics; in ", answer.status_message)
 
     def test_1_velocities_are_the_slopes_of_positions(self):
         """Trapezoid rule over fifty messages; a robot that stands does not move.

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import rospy
 import yaml
+from g1_description.srv import GetAnchor
 from gazebo_msgs.msg import LinkStates
 from gazebo_msgs.srv import DeleteModel, GetJointProperties
 from sensor_msgs.msg import JointState
@@ -29,6 +30,7 @@ from support.ros_testing import (
 )
 
 INTERRUPTED = 130
+ANCHOR = "right_ankle_roll_link"
 
 
 def is_in(name):
@@ -48,13 +50,19 @@ def call(service):
     rospy.ServiceProxy(service, Empty)()
 
 
+def anchor_of(model):
+    """Ask the simulator for the anchor of a model."""
+    return rospy.ServiceProxy("/gazebo/get_anchor", GetAnchor)(model).link_name
+
+
 class TestPoses(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         links = Listener("/gazebo/link_states", LinkStates)
         states = Listener("/joint_states", JointState)
         arguments = "initial_pose:=stand", "rviz:=false", "gui:=false", "rate:=50"
-        cls._launch = Launch("display.launch", *arguments)
+        anchor = f"anchor:={ANCHOR}"
+        cls._launch = Launch("display.launch", *arguments, anchor)
         wait_for(lambda: len(links.messages) > 50, "fifty link states")
         links.close()
         states.wait()
@@ -86,6 +94,9 @@ class TestPoses(unittest.TestCase):
         heights = {message.pose[row].position.z for message in self.first_links}
         self.assertEqual(heights, {0.764})
 
+    def test_the_robot_begins_with_its_anchor(self):
+        self.assertEqual(anchor_of("g1_robot"), ANCHOR)
+
     def test_a_joint_that_cannot_be_at_zero_begins_at_its_nearest_limit(self):
         home = Path(tempfile.mkdtemp())
         self.addCleanup(shutil.rmtree, str(home))
@@ -94,6 +105,7 @@ class TestPoses(unittest.TestCase):
         robot = REPOSITORY / "test" / "data" / "range_2_8.urdf"
         rospy.set_param("/ranged", robot.read_text())
         asked = "_robot_description:=/ranged _model_name:=ranged _initial_pose:=low"
+        asked += " _anchor:=arm"
         spawner = subprocess.run(
             [program("spawn_robot.py"), *asked.split()],
             env={**os.environ, "ROS_HOME": str(home)},
@@ -105,6 +117,7 @@ class TestPoses(unittest.TestCase):
         self.assertEqual(spawner.returncode, 0)
         joint = rospy.ServiceProxy("/gazebo/get_joint_properties", GetJointProperties)
         self.assertEqual(joint("ranged::turn").position, (2.0,))
+        self.assertEqual(anchor_of("ranged"), "arm")
 
     def test_a_jump_is_there_when_the_command_ends(self):
         self.put("zero")

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 import rospy
 import yaml
+from g1_description.srv import GetAnchor
 from gazebo_msgs.srv import GetWorldProperties
 from sensor_msgs.msg import JointState
 from support import browser
@@ -247,6 +248,14 @@ def test_the_simulator_pauses_steps_and_goes_on(address):
         assert world().sim_time == pytest.approx(done, abs=1e-6)
         client.press("Go on")
         wait_for(lambda: world().sim_time > before + 0.5, "time that runs")
+
+
+def test_the_anchor_is_chosen_on_the_page(address):
+    get = rospy.ServiceProxy("/gazebo/get_anchor", GetAnchor)
+    with PageClient(address) as client:
+        for chosen, wanted in (("lowest_foot", "lowest_foot"), ("none", "")):
+            client.set("Anchor", chosen)
+            wait_for(lambda: get("g1_robot").link_name == wanted, chosen)  # noqa: B023
 
 
 def test_a_motion_is_dropped_played_scrubbed_and_judged(page, robot, tmp_path):

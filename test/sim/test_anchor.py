@@ -355,7 +355,12 @@ def test_a_foot_on_its_toes_is_held_by_its_toes(world, model):
 @pytest.mark.parametrize(
     ("name", "error", "text"),
     [
-        ("left_ankle", UnknownNameError, "no link 'left_ankle'; known links: left_ank"),
+        (
+            "left_ankle",
+            UnknownNameError,
+            "no link 'left_ankle'; known anchors: left_ank",
+        ),
+        ("lowest", UnknownNameError, "no link 'lowest'; known anchors: lowest_foot, "),
         ("pelvis::x", UnknownNameError, "no link 'pelvis::x'"),
     ],
 )

@@ -59,6 +59,7 @@ class Shown:
 
     def __init__(self, *links, name="robot", topic="/joint_commands"):
         self.name, self.joint_topic = name, topic
+        self.anchor = ""
         self.description = robot(*(links or ("a", "b", "c")))
         self.commands = []
         self.where = state({"to_b": 0.0, "to_c": 0.0})
@@ -296,6 +297,28 @@ def test_the_base_goes_where_it_is_typed_or_dragged_to(server, ui, clock):
     panel._rpy.value = (0.0, 0.0)
     panel._typed()
     assert not commands
+
+
+def test_the_anchor_is_set_and_shown_unless_it_is_being_chosen(server, ui, clock):
+    shown, chosen = Shown(), []
+    shown.set_anchor = chosen.append
+    panel = controls.BasePanel(server, ui, shown)
+    there = replace(state({"to_b": 0.0}), base_pose=IDENTITY)
+    assert panel._anchor.options == ("none", "lowest_foot", "a", "b", "c")
+    shown.anchor = "b"
+    panel.follow(there)
+    assert panel._anchor.value == "b"
+    panel._anchor.value = "lowest_foot"
+    panel._set_anchor()
+    clock.now += 0.11
+    panel.follow(there)
+    assert panel._anchor.value == "lowest_foot", "it is not answered yet"
+    clock.now += 0.71
+    panel.follow(there)
+    assert panel._anchor.value == "b", "it was refused"
+    panel._anchor.value = "none"
+    panel._set_anchor()
+    assert chosen == ["lowest_foot", ""]
 
 
 def test_the_base_is_shown_where_it_is_unless_it_is_edited(server, ui, clock):

@@ -10,6 +10,7 @@ import pytest
 from oracle import assert_poses_close, forward_kinematics
 from waiting import wait_for
 
+from g1_description.errors import G1DescriptionError
 from g1_description.motion.motion import Motion
 from g1_description.robot.urdf import parse_urdf
 from g1_description.web.file_world import DISTANCE, FileWorld, StillRobot
@@ -204,3 +205,38 @@ def test_a_file_is_read_for_the_robot_that_shall_have_it():
     path, robot, rate = world.read(Path("walk.csv"), world.robots[0], 50.0)
     assert (path, rate) == (Path("walk.csv"), 50.0)
     assert robot is world.robots[0].description
+
+
+def test_an_anchor_stays_while_joints_move_on_the_page_too():
+    world = world_of("a")
+    (robot,) = world.robots
+    robot.set_anchor("arm")
+    before = arm(robot)
+    robot.command({"elbow": 1.25})
+    assert robot.state().base_pose[6] < 0.95
+    assert_poses_close(arm(robot), before, 1e-9)
+    world.move(robot, {"elbow": 1.5}, 0.1)
+    wait_for(lambda: robot.state() and not robot.is_moving, "the end")
+    assert_poses_close(arm(robot), before, 1e-9)
+    robot.command_base(np.array([1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 1.0]))
+    moved = arm(robot)
+    robot.command({"elbow": 0.5})
+    assert_poses_close(arm(robot), moved, 1e-9)
+    robot.take(ramp(1.0, 0.5, base=(5.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)), 0.7)
+    assert robot.state().base_pose[0] == pytest.approx(5.7)
+    moved = arm(robot)
+    robot.take(ramp(1.0, 0.5), 1.2)
+    assert_poses_close(arm(robot), moved, 1e-9)
+    with pytest.raises(G1DescriptionError, match="feet of a are unknown"):
+        robot.set_anchor("lowest_foot")
+    assert robot.anchor == "arm"
+    robot.set_anchor("")
+    base = robot.state().base_pose
+    robot.command({"elbow": 0.9})
+    assert (robot.state().base_pose == base).all()
+
+
+def arm(robot):
+    """Place the arm by scipy."""
+    state = robot.state()
+    return forward_kinematics(BALL, state.base_pose, state.positions_by_name)["arm"]

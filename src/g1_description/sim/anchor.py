@@ -39,13 +39,15 @@ class Anchor:
 
         Args:
             model: The model.
-            name: The link, possibly on a fixed joint, or ``LOWEST_FOOT``.
+            name: The link, possibly scoped or on a fixed joint, or ``LOWEST_FOOT``.
 
         Raises:
             UnknownNameError: If there is no such link.
             InvalidValueError: If it is fixed to the world.
         """
-        self.name, self._model = name, model
+        scope = model.name + SCOPE
+        self.name = name[len(scope) :] if name.startswith(scope) else name
+        self._model, name = model, self.name
         names = _feet_of(model) if name == LOWEST_FOOT else [_body(model, name)]
         self._rows = np.array([model.link_names.index(name) for name in names])
         tree = next(n for n, t in enumerate(model.trees) if self._rows[0] in t.links)
@@ -114,19 +116,19 @@ def _feet_of(model: Model) -> list[str]:
     return names
 
 
-def _body(model: Model, name: str) -> str:
-    """Return the body of a link, which may be scoped, or lumped into another one.
+def _body(model: Model, link: str) -> str:
+    """Return the body of a link, which may be lumped into another one.
 
     Raises:
         UnknownNameError: If there is no such link.
     """
-    scope = model.name + SCOPE
-    link = name[len(scope) :] if name.startswith(scope) else name
     body = model.assembly.lumped.get(link, link)
     if body not in model.link_names:
-        known = listed(similar_first(link, model.link_names))
+        names = [*model.link_names, *model.assembly.lumped]
+        names += [LOWEST_FOOT] if feet(names) else []
+        known = listed(similar_first(link, names))
         raise UnknownNameError(
-            f"{model.name} has no link '{link}'; known links: {known or 'none'}"
+            f"{model.name} has no link '{link}'; known anchors: {known or 'none'}"
         )
     return body
 

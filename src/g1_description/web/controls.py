@@ -14,6 +14,7 @@ from g1_description.bounds import MAX_VALUE
 from g1_description.checks.rule import units
 from g1_description.errors import InvalidValueError
 from g1_description.robot.description import Joint, by_limb
+from g1_description.robot.launch_arguments import LOWEST_FOOT
 from g1_description.robot.poses import (
     ZERO,
     Pose,
@@ -222,6 +223,9 @@ def known(positions: Mapping[str, float], robot: ShownRobot) -> dict[str, float]
     }
 
 
+NONE = "none"
+"""Entry of a list if no pose fits, or there is no anchor."""
+
 LEAST_NORM = 0.1
 """Least length of a valid quaternion."""
 
@@ -254,14 +258,20 @@ class BasePanel:
             self._rpy = gui.add_vector3(
                 "Roll pitch yaw", (0.0, 0.0, 0.0), step=STEP, hint="in rad"
             )
+            self._anchor = gui.add_dropdown(
+                "Anchor",
+                [NONE, LOWEST_FOOT, *robot.description.link_names],
+                hint="link that stays at its place while joints move; the base follows",
+            )
         self._gizmo = server.scene.add_transform_controls(
             f"{MAP}/gizmos/{robot.name.replace('/', '_')}", scale=0.45, visible=False
         )
         self._gizmo_turn = self._gizmo.wxyz
         self._fields = self._place, self._rpy
-        for field in self._fields:
+        for field in (*self._fields, self._anchor):
             self._guard.know(field)
         ui.on(self._gizmo_on, self._show_gizmo)
+        ui.on(self._anchor, lambda: ui.wait_for(self._set_anchor))
         ui.on(self._place, self._typed)
         ui.on(self._rpy, self._typed)
         ui.on(self._gizmo, self._dragged)
@@ -274,6 +284,18 @@ class BasePanel:
     def _show_gizmo(self) -> None:
         """Show the gizmo, or hide it."""
         self._gizmo.visible = bool(self._gizmo_on.value)
+
+    def _set_anchor(self) -> None:
+        """Set the chosen anchor."""
+        chosen = str(self._anchor.value)
+        self._robot.set_anchor("" if chosen == NONE else chosen)
+
+    def _show_anchor(self) -> None:
+        """Show the anchor, unless it is edited."""
+        anchor = self._robot.anchor or NONE
+        if self._anchor.value != anchor and not self._guard.is_held(self._anchor):
+            self._anchor.value = anchor
+            self._guard.know(self._anchor)
 
     def _typed(self) -> None:
         """Command the pose in the fields."""
@@ -305,6 +327,7 @@ class BasePanel:
         if now < self._looked + PERIOD or state.base_pose is None:
             return
         self._looked = now
+        self._show_anchor()
         if any([self._guard.is_held(field) for field in self._fields]):
             return
         self._show_fields(state.base_pose)
@@ -323,9 +346,6 @@ class BasePanel:
 
 
 MAX_SECONDS = 10.0
-
-NONE = "none"
-"""Entry of the list if no pose fits."""
 
 
 class PosePanel:

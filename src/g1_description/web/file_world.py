@@ -13,8 +13,11 @@ import numpy as np
 from g1_description.motion.edit import minimum_jerk_trajectory
 from g1_description.motion.motion import Motion, sample
 from g1_description.robot.description import Description
+from g1_description.robot.lumping import lump_fixed_joints
 from g1_description.robot.state import RobotState
 from g1_description.robot.transform import IDENTITY
+from g1_description.sim.anchor import Anchors
+from g1_description.sim.model import Model
 from g1_description.sim.standing import lowest_height
 from g1_description.web.robot import ShownRobot
 
@@ -39,6 +42,9 @@ class StillRobot:
         """
         self.name, self.description = name, description
         self._lock = Lock()
+        self.anchor = ""
+        self._model = Model(name, lump_fixed_joints(description, False), IDENTITY)
+        self._anchors = Anchors("kinematic")
         self.offset = np.zeros(3)
         """Offset of its displayed position, in [m]."""
         joints = description.movable_joints
@@ -51,6 +57,7 @@ class StillRobot:
         with self._lock:
             self._positions, self._base = self._beginning
             self._way: tuple[Motion, float] | None = None
+            self._anchors.renew(self._moved())
 
     def state(self) -> RobotState:
         """Return the current state."""
@@ -72,12 +79,37 @@ class StillRobot:
         with self._lock:
             self._way = None
             self._positions = {**self._positions, **positions}
+            self._hold()
+
+    def set_anchor(self, link: str) -> None:
+        """Set the link that stays at its place while joints move; empty: none.
+
+        Raises:
+            G1DescriptionError: If there is no such link.
+        """
+        with self._lock:
+            self._anchors.set(self._moved(), link)
+            self.anchor = link
+
+    def _moved(self) -> Model:
+        """Return the model at the current state."""
+        model = self._model
+        model.position[:] = [self._positions[name] for name in model.joint_names]
+        model.set_root(0, self._base, np.zeros(6))
+        return model
+
+    def _hold(self) -> None:
+        """Let the base follow the anchor."""
+        if self.anchor:
+            self._anchors.hold(self._moved())
+            self._base = self._model.root_poses[0].copy()
 
     def command_base(self, pose: np.ndarray) -> None:
         """Set the pose of the base."""
         with self._lock:
             self._base = pose.copy()
             self._base[:3] -= self.offset
+            self._anchors.renew(self._moved())
 
     def go(self, trajectory: Motion) -> None:
         """Play a motion of joints from now."""
@@ -94,8 +126,11 @@ class StillRobot:
         found = sample(trajectory, at)
         bent = dict(zip(trajectory.joint_names, found.positions.tolist()))
         self._positions = {**self._positions, **bent}
-        if found.base_poses is not None:
+        if found.base_poses is None:
+            self._hold()
+        else:
             self._base = found.base_poses
+            self._anchors.renew(self._moved())
 
     @property
     def is_moving(self) -> bool:

@@ -2,13 +2,16 @@
 
 Subscribes, while the page is open: robot_state, or else joint_states and TF, as
 ros.robot_states.RobotStates Publishes: joint_commands (sensor_msgs/JointState),
-base_command (geometry_msgs/PoseStamped) Calls: play_motion (g1_description/PlayMotion)
+base_command (geometry_msgs/PoseStamped) Calls: play_motion (g1_description/PlayMotion),
+set_anchor (g1_description/SetAnchor), get_anchor of the simulator
+(g1_description/GetAnchor)
 """
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -24,9 +27,11 @@ from g1_description.robot.state import RobotState
 from g1_description.ros.conversions import pose_from_array
 from g1_description.ros.lifecycle import quiet_when_closing
 from g1_description.ros.log import ThrottledLog
+from g1_description.ros.master import SERVICE_ERRORS
 from g1_description.ros.playing import MotionClient
 from g1_description.ros.robot_states import RobotStates
-from g1_description.srv import PlayMotion
+from g1_description.ros.waiting import NoAnswerError, RefusedError
+from g1_description.srv import GetAnchor, PlayMotion, SetAnchor
 
 PERIOD = 0.01
 """Polling period of messages, in [s], which adds to the latency."""
@@ -44,6 +49,7 @@ class LiveRobot:
         description: Description,
         map_frame: str,
         changed: threading.Event,
+        gazebo: str = "",
     ) -> None:
         self.name, self.description = parameters.name, description
         self.joint_topic = rospy.resolve_name(topic_of(parameters, "joint_commands"))
@@ -69,6 +75,15 @@ class LiveRobot:
         service = topic_of(parameters, "play_motion")
         self.motions = MotionClient(rospy.ServiceProxy(service, PlayMotion))
         """Client of the service that plays motions."""
+        self.anchor = ""
+        """Its anchor when the page was opened, or as set on the page since."""
+        self._set_anchor = rospy.ServiceProxy(
+            topic_of(parameters, "set_anchor"), SetAnchor
+        )
+        self._get_anchor = rospy.ServiceProxy(
+            f"/{gazebo.strip('/')}/get_anchor", GetAnchor
+        )
+        self._has_simulator = bool(gazebo)
 
     def watch(self, log: ThrottledLog) -> None:
         """Subscribe."""
@@ -82,6 +97,9 @@ class LiveRobot:
         )
         with self._lock:
             self._states = states
+        if self._has_simulator:
+            with suppress(*SERVICE_ERRORS):  # the real Gazebo has no anchors
+                self.anchor = self._get_anchor(self.name).link_name
 
     def ignore(self) -> None:
         """Unsubscribe; the last state is kept."""
@@ -144,3 +162,19 @@ class LiveRobot:
         message.header.frame_id = self._map
         with quiet_when_closing():
             self._base_commands.publish(message)
+
+    def set_anchor(self, link: str) -> None:
+        """Set the link that stays at its place while joints move.
+
+        Raises:
+            RefusedError: If there is no such link, or physics is not ``kinematic``.
+            NoAnswerError: If the bridge does not answer.
+        """
+        try:
+            answer = self._set_anchor(link_name=link)
+        except SERVICE_ERRORS as error:
+            name = self._set_anchor.resolved_name
+            raise NoAnswerError(f"{name} does not answer: {error}") from error
+        if not answer.success:
+            raise RefusedError(f"The anchor was refused: {answer.status_message}.")
+        self.anchor = link

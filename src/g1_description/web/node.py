@@ -123,7 +123,7 @@ def make_show(parameters: WebParameters) -> Show:
     """
     changed = threading.Event()
     robots = [
-        LiveRobot(robot, description, parameters.map_frame, changed)
+        LiveRobot(robot, description, parameters.map_frame, changed, parameters.gazebo)
         for robot, description in wait_for_descriptions(parameters.each_robot)
     ]
     simulator = LiveSimulator(parameters.gazebo) if parameters.gazebo else None

@@ -21,6 +21,9 @@ class ShownRobot(Protocol):
     description: Description
     joint_topic: str
     """Topic of joint commands."""
+    anchor: str
+    """Link that stays at its place while joints move, or ``lowest_foot``; empty:
+    none."""
 
     def state(self) -> RobotState | None:
         """Return its newest state; None if there is none yet."""
@@ -30,6 +33,13 @@ class ShownRobot(Protocol):
 
     def command_base(self, pose: np.ndarray) -> None:
         """Command the pose of the base: T_map_base, shape (7,)."""
+
+    def set_anchor(self, link: str) -> None:
+        """Set ``anchor``; may block.
+
+        Raises:
+            G1DescriptionError: If it is refused, or not answered.
+        """
 
 
 class Player(Protocol):
