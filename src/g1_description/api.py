@@ -23,6 +23,7 @@ from g1_description.motion.files.formats import read_motion, write_motion
 from g1_description.motion.mirror import mirrored
 from g1_description.motion.motion import UNIT_TOLERANCE, Motion, fitted
 from g1_description.motion.motors import g1_motors
+from g1_description.motion.paths import motion_path
 from g1_description.robot.assembly import WORLD, base_of, root_in_base
 from g1_description.robot.description import Joint
 from g1_description.robot.dynamics import (
@@ -294,8 +295,9 @@ class Robot:
         """Read a motion from a file.
 
         Args:
-            path: The file or folder, or ``FILE#NAME`` for one of several motions in a
-                file.
+            path: The file or folder, ``FILE#NAME`` for one of several motions in a
+                file, ``package://PACKAGE/PATH``, or the name of a motion of this
+                package such as ``squat.csv``.
             rate: Samples per second of a file without times.
             order: Of base quaternions in files that do not tell it, ``xyzw`` or
                 ``wxyz``; None: the one in which the robot stands.
@@ -317,7 +319,7 @@ class Robot:
             )
         if order not in (None, "xyzw", "wxyz"):
             raise MotionError(f"The order must be xyzw or wxyz (got {order!r}).")
-        file = Path(path).expanduser()
+        file = motion_path(path)
         return read_motion(file, self.description, rate, None, order, format)
 
     def write_motion(
