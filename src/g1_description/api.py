@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import cached_property
 from os import PathLike, fspath
@@ -54,6 +55,7 @@ if TYPE_CHECKING:
     from g1_description.checks.comparison import Comparison
     from g1_description.checks.verdict import Verdict
     from g1_description.collisions.self_collisions import Contacts, SelfCollisions
+    from g1_description.msg import RobotTrajectory
 
 MODEL = "package://g1_description/urdf/g1_29dof.urdf"
 """The robot of this package."""
@@ -354,6 +356,7 @@ class Robot:
         times: Any,
         positions: JointValues,
         velocities: JointValues | None = None,
+        base: Any = None,
         base_poses: Any = None,
     ) -> Motion:
         """Make a motion of all joints.
@@ -363,8 +366,9 @@ class Robot:
             positions: Of the joints, shape (n_samples, n_joints).
             velocities: In [rad/s] or [m/s], like positions; None: unknown, positions
                 are interpolated linearly.
-            base_poses: Of the base link, shape (n_samples, 7); None: the motion has no
+            base: Poses of the base link, shape (n_samples, 7); None: the motion has no
                 base.
+            base_poses: The former name of ``base``.
 
         Raises:
             G1DescriptionError: If an argument is invalid.
@@ -375,9 +379,57 @@ class Robot:
             if velocities is None
             else self._rates(velocities, placed.shape, "velocity")
         )
-        poses = None if base_poses is None else as_poses(base_poses)
+        base = base_poses if base is None else base
+        poses = None if base is None else as_poses(base)
         own_times = np.array(times, dtype=float)
         return Motion(own_times, self.joint_names, placed, rates, poses)
+
+    def to_message(
+        self, positions: JointValues | None, base: Any = None, stamp: Any = None
+    ) -> RobotTrajectory:
+        """Write a configuration as a message for the topic ``motion``; needs ROS.
+
+        Args:
+            positions: Of all joints as an array, or of some as a dictionary, in [rad]
+                or [m]; None: of none.
+            base: Pose of the base link in the map, shape (7,); None: it stays.
+            stamp: When the configuration is shown, a rospy.Time; None: at once.
+
+        Raises:
+            G1DescriptionError: If positions or base are invalid.
+        """
+        names, numbers = named_positions(positions, self.joint_names)
+        poses = None if base is None else one_pose(base)[np.newaxis]
+        motion = Motion(np.zeros(1), names, np.array([numbers]), base_poses=poses)
+        return self.trajectory_message(motion, stamp)
+
+    def trajectory_message(self, motion: Motion, stamp: Any = None) -> RobotTrajectory:
+        """Write a motion as a message for the topic ``motion``; needs ROS.
+
+        Args:
+            motion: The motion. Its part ``joint_trajectory`` is what the topic
+                ``joint_trajectory`` and the action take.
+            stamp: When the motion starts, a rospy.Time; None: at once.
+
+        Raises:
+            UnknownNameError: If it has unknown joints.
+        """
+        check_names(motion.joint_names, self.joint_names)
+        return _messages().whole_body_message(motion, stamp)
+
+    def from_message(self, message: Any) -> Motion:
+        """Read a motion from a message; needs ROS.
+
+        Args:
+            message: A RobotTrajectory, its base in the map, or a JointTrajectory.
+
+        Returns:
+            The motion; a configuration is a motion of one sample at 0 s.
+
+        Raises:
+            G1DescriptionError: If the message is no motion of this robot.
+        """
+        return _messages().motion_from_message(message, self.joint_names)
 
     def positions_of(self, trajectory: Motion) -> np.ndarray:
         """Arrange the positions of a motion in the order of the robot's joints.
@@ -655,6 +707,18 @@ class Robot:
         return Checker(self.description)
 
 
+def _messages() -> Any:
+    """Import what converts messages; a robot itself needs no ROS."""
+    try:
+        from g1_description.ros import motion_messages
+    except ImportError as error:
+        raise ImportError(
+            f"Messages need {error.name}, which {sys.executable} lacks: source the "
+            "workspace and use /usr/bin/python3."
+        ) from error
+    return motion_messages
+
+
 def as_array(
     given: JointValues, joints: Sequence[str], rest: np.ndarray, what: str = "position"
 ) -> np.ndarray:
@@ -768,6 +832,43 @@ def as_poses(given: Any) -> np.ndarray:
     rounded = errors > UNIT_TOLERANCE
     poses[rounded, 3:] = normalized(poses[rounded, 3:])
     return poses
+
+
+def named_positions(
+    positions: JointValues | None, joints: Sequence[str]
+) -> tuple[tuple[str, ...], list[float]]:
+    """Convert positions to names and numbers.
+
+    Args:
+        positions: Of all joints as an array, or of some as a dictionary; None: of none.
+        joints: Names of the robot's joints.
+
+    Raises:
+        G1DescriptionError: If they are not a configuration of this robot.
+    """
+    if positions is None:
+        return (), []
+    array = as_array(positions, joints, np.zeros(len(joints)))
+    if array.ndim != 1:
+        raise InvalidValueError(
+            f"Positions must be a single configuration (got shape {array.shape})."
+        )
+    names = tuple(positions) if isinstance(positions, Mapping) else tuple(joints)
+    return names, [float(array[joints.index(name)]) for name in names]
+
+
+def one_pose(base: Any) -> np.ndarray:
+    """Check the pose of a base, shape (7,).
+
+    Raises:
+        InvalidValueError: If it is not a single pose.
+    """
+    pose = as_poses(base)
+    if pose.ndim != 1:
+        raise InvalidValueError(
+            f"The base must be a single pose (got shape {pose.shape})."
+        )
+    return pose
 
 
 def _range(joint: Joint) -> tuple[float, float]:
