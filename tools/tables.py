@@ -173,7 +173,7 @@ def flags_of(options: type[Any], *, alone: bool = False, files: bool = False) ->
     return " ".join(sorted(found))
 
 
-FILES = ("csv", "json", "model", "motion", "out")
+FILES = ("compare", "csv", "json", "model", "motion", "out")
 """Options whose values are files, besides those that are read as paths."""
 
 
