@@ -38,7 +38,7 @@ COMMANDS: dict[str, tuple[str, type[Any]]] = {
     "collision_pairs": ("checks.md", PairsOptions),
     "doctor": ("doctor.md", DoctorOptions),
     "import_model": ("import.md", ImportOptions),
-    "moveit_config": ("tutorials/moveit.md", MoveItOptions),
+    "moveit_config": ("robots.md", MoveItOptions),
     "play": ("motions.md", PlayOptions),
     "pose": ("poses.md", PoseOptions),
     "record": ("motions.md", RecordOptions),
