@@ -381,7 +381,7 @@ def test_feet_that_nobody_knows_and_bases_that_cannot_move_are_refused(world):
     world.spawn_urdf(
         "r", f'<robot name="r">{links}{joint.format("a")}</robot>', UPRIGHT
     )
-    with pytest.raises(UnknownNameError, match="feet of r are unknown"):
+    with pytest.raises(UnknownNameError, match="profile of r has no feet"):
         world.anchors.set(world.model("r"), "lowest_foot")
     links = '<link name="world"/><link name="b"/>'
     fixed = f'<robot name="f">{links}{joint.format("world")}</robot>'
