@@ -379,6 +379,25 @@ def test_watched_motions_are_checked_when_they_change(folder, monkeypatch):
     assert run.stderr.splitlines() == 2 * ["check: waiting for changes; Ctrl-C ends."]
 
 
+def test_an_interrupt_during_a_check_ends_watching(folder, monkeypatch):
+    (file,) = write_motions(folder, PASSES)
+
+    class Interrupted(check.Results):
+        def add(self, task, outcome):
+            super().add(task, outcome)
+            os.kill(os.getpid(), signal.SIGINT)
+
+    def main():
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        sys.argv[1:] = [str(file), "--model", "post.urdf", "--watch"]
+        start.run("check")
+
+    monkeypatch.setattr(check, "Results", Interrupted)
+    run = run_forked(main)
+    assert run.returncode == 130, run.stderr
+    assert run.stdout.splitlines()[-1] == "1 file: 1 passed."
+
+
 def test_the_page_shows_the_robot_at_its_worst(folder):
     shown = POST.replace("</link>", f"{BOX}</link>", 1)
     (folder / "post.urdf").write_text(shown)

@@ -143,10 +143,9 @@ def wrong(words):
     program = words[0].rpartition("/")[2]
     if words[0].startswith("tools/"):
         return wrong_tool(words)
-    if program == "roslaunch" and "/" in [*words, ""][1]:
-        return []  # a file that a command of the page writes
     if program == "roslaunch":
-        return wrong_launch(words[1:], 0)
+        is_written = "/" in [*words, ""][1]  # a file that a command of the page writes
+        return [] if is_written else wrong_launch(words[1:], 0)
     if program == "rostest":
         return wrong_launch(words[1:], 2)
     if program == "rosrun":

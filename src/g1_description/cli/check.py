@@ -440,7 +440,7 @@ def check(args: CheckOptions, checker: FileChecker | None = None) -> int:
     checker = checker or file_checker(args)
     is_free = STDOUT not in (args.json, args.csv)
     stream = sys.stdout if is_free and not args.quiet else None
-    code = INTERRUPTED
+    code, is_interrupted = INTERRUPTED, False
     with closing(Results(len(files.tasks), stream)) as results:
         try:
             with closing(_pool(args, checker, len(files.tasks))) as pool:
@@ -453,10 +453,13 @@ def check(args: CheckOptions, checker: FileChecker | None = None) -> int:
             if isinstance(error, ClusterError):
                 notify(str(error))
                 code = MISUSE
+            is_interrupted = isinstance(error, KeyboardInterrupt)
     reports.write(results.outcomes, results.n_missing)
     for problem in reports.problems:
         notify(problem)
     _summarize(results, files, sys.stdout if is_free else sys.stderr)
+    if is_interrupted and args.watch:
+        raise KeyboardInterrupt
     if results.n_missing:
         return code
     code = exit_code(results.outcomes.values(), files.named)
@@ -474,9 +477,10 @@ def watch(args: CheckOptions) -> int:
         G1DescriptionError: If nothing can be checked at the start.
     """
     checker = file_checker(args)
-    seen, code = _stamps(args), check(args, checker)
+    seen, code = _stamps(args), INTERRUPTED
     try:
-        while code != INTERRUPTED:
+        code = check(args, checker)
+        while True:
             notify("waiting for changes; Ctrl-C ends.")
             now = seen
             while now == seen or now != _stamps(args):  # also until a file is complete

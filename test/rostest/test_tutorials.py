@@ -1,0 +1,90 @@
+"""The commands and programs of README and the tutorials, run as they are printed.
+
+Launch files and tools are started by other tests; here a robot runs already.
+"""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+
+from pages import ROOT, blocks, commands
+from support.ros_testing import DEADLINE, program
+
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs" / "tutorials").glob("*.md"))]
+RUN = ("rosrun", "rostopic", "rosservice")
+FOREIGN = ("/path/to", "my_robot", "spawn_model", "moveit_commander")
+"""What needs files of a user, or programs that are not there."""
+
+ENDLESS = ("tf_echo", "--watch", "web", "record")
+FAULTY = ("motions/faulty.csv", "motions/")
+"""Motions that ``check`` fails, and ends with 1."""
+
+
+def shown():
+    """List the commands of the pages, each once."""
+    found = {}
+    for page in PAGES:
+        lines = "".join(blocks(page.read_text(encoding="utf-8"), "bash"))
+        for words in commands(f"```bash\n{lines}```\n"):
+            text = " ".join(words)
+            if words[0] in RUN and not any(part in text for part in FOREIGN):
+                found.setdefault(tuple(words), page.name)
+    return found
+
+
+class TestTutorials(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        folder = tempfile.TemporaryDirectory()
+        cls.addClassCleanup(folder.cleanup)
+        cls.folder = Path(folder.name)
+        shutil.copytree(ROOT / "motions", cls.folder / "motions")
+        cls.environment = {**os.environ, "HOME": folder.name, "PYTHONUNBUFFERED": "1"}
+
+    def start(self, words):
+        """Start a command in the folder."""
+        words = [str(word) for word in words]
+        if words[:2] == ["rosrun", "g1_description"]:
+            words = [program(words[2]), *words[3:]]  # rosrun needs a shell's second
+        return subprocess.Popen(
+            words,
+            cwd=self.folder,
+            env=self.environment,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+
+    def test_commands_do_what_they_say(self):
+        found = shown()
+        self.assertGreater(len(found), 15)
+        for words, page in found.items():
+            with self.subTest(page=page, command=" ".join(words)):
+                process = self.start(words)
+                codes = {0}
+                if any(part in words for part in ENDLESS):
+                    process.stdout.readline()
+                    process.send_signal(signal.SIGINT)
+                    codes = {0, 1, 130, -signal.SIGINT}
+                elif words[2] == "check" and words[3] in FAULTY:
+                    codes = {1}
+                output = process.communicate(timeout=DEADLINE)[0]
+                self.assertIn(process.returncode, codes, output)
+
+    def test_programs_run(self):
+        page = (ROOT / "docs" / "tutorials" / "first_planner.md").read_text("utf-8")
+        programs = blocks(page, "python")
+        self.assertEqual(len(programs), 2)
+        for number, text in enumerate(programs):
+            with self.subTest(number=number):
+                file = self.folder / f"planner{number}.py"
+                file.write_text(text)
+                process = self.start([sys.executable, file])
+                output = process.communicate(timeout=DEADLINE)[0]
+                self.assertEqual((process.returncode, output), (0, ""))
