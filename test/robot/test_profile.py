@@ -125,9 +125,13 @@ def test_a_file_or_folder_is_no_profile(tmp_path, monkeypatch):
 
 
 def test_the_users_profile_comes_before_the_packages(add):
-    add("g1_29dof", "names: [g1_29dof]\nstanding_pose: high\n")
+    folder = add("g1_29dof", "names: [g1_29dof]\nstanding_pose: high\n")
     assert find_profile("g1_29dof").standing_pose == "high"
     assert replace(G1).profile.motors is None
+    with (folder / "robot.yaml").open("a") as file:
+        file.write("like: g1_29dof\n")
+    assert find_profile("g1_29dof").standing_pose == "high"
+    assert replace(G1).profile.motors == PROFILE / "motors.yaml"
 
 
 def test_a_profile_like_another_changes_a_part_of_it(add):

@@ -125,10 +125,15 @@ def user_folder() -> Path:
     return ros_home() / PACKAGE / "robots"
 
 
+def _package_folder() -> Path:
+    """Return the folder of the package's profiles."""
+    return share_folder() / "config" / "robots"
+
+
 def _folders() -> dict[str, Path]:
     """Return the folders of all profiles by name, the user's first."""
     found: dict[str, Path] = {}
-    for place in (user_folder(), share_folder() / "config" / "robots"):
+    for place in (user_folder(), _package_folder()):
         for file in sorted(place.glob(f"*/{FILE}")):
             found.setdefault(file.parent.name, file.parent)
     return found
@@ -181,14 +186,18 @@ def _content(file: Path, changed: int, size: int) -> Mapping[str, Any]:
 
 
 def _like(value: object, folder: Path) -> Path:
-    """Find the folder of another profile: a name, or a path from this folder."""
+    """Find the folder of another profile: a name, or a path from this folder.
+
+    Its own name means the package's profile of that name, which it hides.
+    """
     place, folders = folder / str(value), _folders()
     if (place / FILE).is_file():
         return place.resolve()
     if value not in folders:
         known = listed(similar_first(str(value), folders))
         raise ProfileError(f"like has no profile '{value}'. Known profiles: {known}")
-    return folders[str(value)]
+    found, hidden = folders[str(value)], _package_folder() / str(value)
+    return hidden if found == folder and (hidden / FILE).is_file() else found
 
 
 def _text(content: Mapping[str, Any], key: str) -> str:
