@@ -22,7 +22,6 @@ errors must not change the anchor of a robot that squats on both feet."""
 
 UP = np.array([0.0, 0.0, 1.0])
 
-
 FEET = ("left_foot", "right_foot")
 """Roles of the feet in a robot's profile."""
 
@@ -106,7 +105,8 @@ def _feet_of(model: Model) -> list[str]:
     Raises:
         UnknownNameError: If none is known.
     """
-    links = model.assembly.description.profile.links
+    robot = model.assembly.description
+    links = (robot.given_profile or robot.profile).links  # lumped ones, too
     names = [_body(model, links[role]) for role in FEET if role in links]
     if not names:
         raise UnknownNameError(
@@ -124,11 +124,10 @@ def _body(model: Model, link: str) -> str:
     """
     body = model.assembly.lumped.get(link, link)
     if body not in model.link_names:
-        names = [*model.link_names, *model.assembly.lumped]
-        names += [LOWEST_FOOT] if feet(names) else []
+        names = (LOWEST_FOOT, *model.link_names, *model.assembly.lumped)
         known = listed(similar_first(link, names))
         raise UnknownNameError(
-            f"{model.name} has no link '{link}'; known anchors: {known or 'none'}"
+            f"{model.name} has no link '{link}'; known anchors: {known}"
         )
     return body
 
