@@ -271,6 +271,7 @@ def reset_models(world, model):
 
 
 def reset(world, model):
+    world.put("g1", TILTED, np.zeros(6))
     world.set_joint_positions("g1", legs(1.0))
     world.reset()
 
@@ -295,6 +296,8 @@ def test_whatever_else_moves_the_robot_the_link_is_held_at_its_new_place(
 
 
 def test_both_feet_stay_in_a_squat_on_the_lowest_one(world, model):
+    turned = np.array([0.3, 0.7, 0.793, 0.0, 0.0, np.sin(0.35), np.cos(0.35)])
+    world.put("g1", turned, np.zeros(6))
     world.anchors.set(model, "lowest_foot")
     before = poses_of(model)
     world.set_joint_positions("g1", legs(0.3))
