@@ -38,7 +38,7 @@ MOVED = {
 
 STAND = robot.pose("stand")
 REST = robot.on_floor(
-    robot.trajectory([0.0], STAND[np.newaxis], base_poses=[[0, 0, 0, 0, 0, 0, 1]])
+    robot.trajectory([0.0], STAND[np.newaxis], base=[[0, 0, 0, 0, 0, 0, 1]])
 )
 HEIGHT = REST.base_poses[0, 2]  # of the pelvis above the floor, standing [m]
 PLACES = robot.link_poses(STAND, REST.base_poses[0])
@@ -100,7 +100,7 @@ def solved(times, joints=(), height=HEIGHT, lean=0.0, center=CENTER, poses=()):
             positions[:, columns] += np.clip(step, -LARGEST_STEP, LARGEST_STEP)
             worst = max(worst, np.abs(error).max())
         if worst < CONVERGED:
-            return robot.trajectory(times, positions, base_poses=base)
+            return robot.trajectory(times, positions, base=base)
     raise SystemExit(f"tools/make_motions: not reached, by {worst:.3g}")
 
 

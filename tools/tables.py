@@ -19,6 +19,7 @@ from g1_description.cli.collision_pairs import PairsOptions
 from g1_description.cli.doctor import DoctorOptions
 from g1_description.cli.motion_edits import COMMANDS as MOTION
 from g1_description.cli.motion_edits import Edit, Reading
+from g1_description.cli.moveit_config import MoveItOptions
 from g1_description.cli.play import PlayOptions
 from g1_description.cli.pose import PoseOptions
 from g1_description.cli.record import RecordOptions
@@ -37,6 +38,7 @@ COMMANDS: dict[str, tuple[str, type[Any]]] = {
     "collision_pairs": ("checks.md", PairsOptions),
     "doctor": ("doctor.md", DoctorOptions),
     "import_model": ("import.md", ImportOptions),
+    "moveit_config": ("robots.md", MoveItOptions),
     "play": ("motions.md", PlayOptions),
     "pose": ("poses.md", PoseOptions),
     "record": ("motions.md", RecordOptions),
@@ -171,7 +173,7 @@ def flags_of(options: type[Any], *, alone: bool = False, files: bool = False) ->
     return " ".join(sorted(found))
 
 
-FILES = ("csv", "json", "model", "motion", "out")
+FILES = ("compare", "csv", "json", "model", "motion", "out")
 """Options whose values are files, besides those that are read as paths."""
 
 

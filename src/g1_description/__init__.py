@@ -1,7 +1,7 @@
 """A stand-in for Gazebo, a link-state bridge and a display for the Unitree G1.
 
-``Robot`` and ``Client`` are the interface for Python programs: see docs/python.md.
-They are imported when they are first used, which takes a while.
+``Robot``, ``Client`` and ``Stream`` are the interface for Python programs, see
+docs/python.md. They are imported when they are first used, which takes a while.
 """
 
 from __future__ import annotations
@@ -15,11 +15,12 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from .api import Robot as Robot
     from .client import Client as Client
+    from .stream import Stream as Stream
 
 # The generated services, g1_description.srv, lie in another folder of this name.
 __path__ = extend_path(__path__, __name__)
 
-PUBLIC = {"Client": "client", "Robot": "api"}
+PUBLIC = {"Client": "client", "Robot": "api", "Stream": "stream"}
 """Where the public names are."""
 
 
@@ -46,7 +47,7 @@ def __dir__() -> list[str]:
 def _needs(name: str, missing: str | None) -> str:
     """Say what to do where a module is missing that a public name needs."""
     lacks = f"g1_description.{name} needs {missing}, which {sys.executable} lacks"
-    if name == "Client":
+    if name != "Robot":
         return f"{lacks}: it needs ROS. Source the workspace and use /usr/bin/python3."
     return f"{lacks}. Install the package with pip, or use the Python of ROS."
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -22,6 +23,8 @@ from g1_description.errors import (
 from g1_description.motion.files.formats import read_motion, write_motion
 from g1_description.motion.mirror import mirrored
 from g1_description.motion.motion import UNIT_TOLERANCE, Motion, fitted
+from g1_description.motion.motors import motors_of
+from g1_description.motion.paths import motion_path
 from g1_description.robot.assembly import WORLD, base_of, root_in_base
 from g1_description.robot.description import Joint
 from g1_description.robot.dynamics import (
@@ -54,6 +57,7 @@ if TYPE_CHECKING:
     from g1_description.checks.comparison import Comparison
     from g1_description.checks.verdict import Verdict
     from g1_description.collisions.self_collisions import Contacts, SelfCollisions
+    from g1_description.msg import RobotTrajectory
 
 Seed = Union[int, np.random.Generator, None]
 
@@ -98,13 +102,13 @@ class Robot:
         name = fspath(model)
         is_text = name.lstrip().startswith("<")
         found = parse_urdf(name) if is_text else read_description(name)
-        if motors is not None:
-            profile = replace(found.profile, motors=Path(motors).expanduser())
-            found = replace(found, given_profile=profile)
-        self.description = found
-        """Links and joints, as read from the file."""
         self.profile = found.profile
         """Names of its feet, hands and head, and its further files."""
+        if motors is not None:
+            self.profile = replace(self.profile, motors=Path(motors).expanduser())
+        # Given, so that processes on other machines need not find it.
+        self.description = replace(found, given_profile=self.profile)
+        """Links and joints, as read from the file."""
         self._allowed = None if collisions is None else Path(collisions).expanduser()
         joints = self.description.movable_joints
         self.name = self.description.name
@@ -309,8 +313,9 @@ class Robot:
         """Read a motion from a file.
 
         Args:
-            path: The file or folder, or ``FILE#NAME`` for one of several motions in a
-                file.
+            path: The file or folder, ``FILE#NAME`` for one of several motions in a
+                file, ``package://PACKAGE/PATH``, or the name of a motion of this
+                package such as ``squat.csv``.
             rate: Samples per second of a file without times.
             order: Of base quaternions in files that do not tell it, ``xyzw`` or
                 ``wxyz``; None: the one in which the robot stands.
@@ -332,7 +337,7 @@ class Robot:
             )
         if order not in (None, "xyzw", "wxyz"):
             raise MotionError(f"The order must be xyzw or wxyz (got {order!r}).")
-        file = Path(path).expanduser()
+        file = motion_path(path)
         return read_motion(file, self.description, rate, None, order, format)
 
     def write_motion(
@@ -367,6 +372,7 @@ class Robot:
         times: Any,
         positions: JointValues,
         velocities: JointValues | None = None,
+        base: Any = None,
         base_poses: Any = None,
     ) -> Motion:
         """Make a motion of all joints.
@@ -376,8 +382,9 @@ class Robot:
             positions: Of the joints, shape (n_samples, n_joints).
             velocities: In [rad/s] or [m/s], like positions; None: unknown, positions
                 are interpolated linearly.
-            base_poses: Of the base link, shape (n_samples, 7); None: the motion has no
+            base: Poses of the base link, shape (n_samples, 7); None: the motion has no
                 base.
+            base_poses: The former name of ``base``.
 
         Raises:
             G1DescriptionError: If an argument is invalid.
@@ -388,9 +395,57 @@ class Robot:
             if velocities is None
             else self._rates(velocities, placed.shape, "velocity")
         )
-        poses = None if base_poses is None else as_poses(base_poses)
+        base = base_poses if base is None else base
+        poses = None if base is None else as_poses(base)
         own_times = np.array(times, dtype=float)
         return Motion(own_times, self.joint_names, placed, rates, poses)
+
+    def to_message(
+        self, positions: JointValues | None, base: Any = None, stamp: Any = None
+    ) -> RobotTrajectory:
+        """Write a configuration as a message for the topic ``motion``; needs ROS.
+
+        Args:
+            positions: Of all joints as an array, or of some as a dictionary, in [rad]
+                or [m]; None: of none.
+            base: Pose of the base link in the map, shape (7,); None: it stays.
+            stamp: When the configuration is shown, a rospy.Time; None: at once.
+
+        Raises:
+            G1DescriptionError: If positions or base are invalid.
+        """
+        names, numbers = named_positions(positions, self.joint_names)
+        poses = None if base is None else one_pose(base)[np.newaxis]
+        motion = Motion(np.zeros(1), names, np.array([numbers]), base_poses=poses)
+        return self.trajectory_message(motion, stamp)
+
+    def trajectory_message(self, motion: Motion, stamp: Any = None) -> RobotTrajectory:
+        """Write a motion as a message for the topic ``motion``; needs ROS.
+
+        Args:
+            motion: The motion. Its part ``joint_trajectory`` is what the topic
+                ``joint_trajectory`` and the action take.
+            stamp: When the motion starts, a rospy.Time; None: at once.
+
+        Raises:
+            UnknownNameError: If it has unknown joints.
+        """
+        check_names(motion.joint_names, self.joint_names)
+        return _messages().whole_body_message(motion, stamp)
+
+    def from_message(self, message: Any) -> Motion:
+        """Read a motion from a message; needs ROS.
+
+        Args:
+            message: A RobotTrajectory, its base in the map, or a JointTrajectory.
+
+        Returns:
+            The motion; a configuration is a motion of one sample at 0 s.
+
+        Raises:
+            G1DescriptionError: If the message is no motion of this robot.
+        """
+        return _messages().motion_from_message(message, self.joint_names)
 
     def positions_of(self, trajectory: Motion) -> np.ndarray:
         """Arrange the positions of a motion in the order of the robot's joints.
@@ -568,7 +623,11 @@ class Robot:
 
         conditions = None
         if physics:
-            conditions = Conditions(fixed_base=fixed_base, stops_at_fall=True)
+            conditions = Conditions(
+                motors=motors_of(self.description),
+                fixed_base=fixed_base,
+                stops_at_fall=True,
+            )
         if visual_hulls:
             shapes = self._usual_checker.collisions
         else:
@@ -664,6 +723,18 @@ class Robot:
         from g1_description.collisions.find_pairs import collisions_of
 
         return collisions_of(self.description, self._allowed, visual_hulls)
+
+
+def _messages() -> Any:
+    """Import what converts messages; a robot itself needs no ROS."""
+    try:
+        from g1_description.ros import motion_messages
+    except ImportError as error:
+        raise ImportError(
+            f"Messages need {error.name}, which {sys.executable} lacks: source the "
+            "workspace and use /usr/bin/python3."
+        ) from error
+    return motion_messages
 
 
 def as_array(
@@ -779,6 +850,43 @@ def as_poses(given: Any) -> np.ndarray:
     rounded = errors > UNIT_TOLERANCE
     poses[rounded, 3:] = normalized(poses[rounded, 3:])
     return poses
+
+
+def named_positions(
+    positions: JointValues | None, joints: Sequence[str]
+) -> tuple[tuple[str, ...], list[float]]:
+    """Convert positions to names and numbers.
+
+    Args:
+        positions: Of all joints as an array, or of some as a dictionary; None: of none.
+        joints: Names of the robot's joints.
+
+    Raises:
+        G1DescriptionError: If they are not a configuration of this robot.
+    """
+    if positions is None:
+        return (), []
+    array = as_array(positions, joints, np.zeros(len(joints)))
+    if array.ndim != 1:
+        raise InvalidValueError(
+            f"Positions must be a single configuration (got shape {array.shape})."
+        )
+    names = tuple(positions) if isinstance(positions, Mapping) else tuple(joints)
+    return names, [float(array[joints.index(name)]) for name in names]
+
+
+def one_pose(base: Any) -> np.ndarray:
+    """Check the pose of a base, shape (7,).
+
+    Raises:
+        InvalidValueError: If it is not a single pose.
+    """
+    pose = as_poses(base)
+    if pose.ndim != 1:
+        raise InvalidValueError(
+            f"The base must be a single pose (got shape {pose.shape})."
+        )
+    return pose
 
 
 def _range(joint: Joint) -> tuple[float, float]:

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,7 +18,7 @@ import numpy as np
 from gazebo_msgs.srv import GetPhysicsProperties
 from std_srvs.srv import Empty
 
-from g1_description.api import JointValues, as_array, as_poses, check_names
+from g1_description.api import JointValues, check_names, named_positions, one_pose
 from g1_description.errors import InvalidValueError
 from g1_description.motion.motion import Motion
 from g1_description.robot.state import RobotState
@@ -40,43 +39,6 @@ from g1_description.srv import SetAnchor, SetModelTrajectory, StepModel
 
 MOST = (1 << 32) - 1
 """Largest uint32."""
-
-
-def named_positions(
-    positions: JointValues | None, joints: Sequence[str]
-) -> tuple[tuple[str, ...], list[float]]:
-    """Convert positions to names and numbers.
-
-    Args:
-        positions: Of all joints as an array, or of some as a dictionary; None: of none.
-        joints: Names of the robot's joints.
-
-    Raises:
-        G1DescriptionError: If they are not a configuration of this robot.
-    """
-    if positions is None:
-        return (), []
-    array = as_array(positions, joints, np.zeros(len(joints)))
-    if array.ndim != 1:
-        raise InvalidValueError(
-            f"Positions must be a single configuration (got shape {array.shape})."
-        )
-    names = tuple(positions) if isinstance(positions, Mapping) else tuple(joints)
-    return names, [float(array[joints.index(name)]) for name in names]
-
-
-def one_pose(base: Any) -> np.ndarray:
-    """Check the pose of a base, shape (7,).
-
-    Raises:
-        InvalidValueError: If it is not a single pose.
-    """
-    pose = as_poses(base)
-    if pose.ndim != 1:
-        raise InvalidValueError(
-            f"The base must be a single pose (got shape {pose.shape})."
-        )
-    return pose
 
 
 def count(what: str, number: Any, least: int) -> int:

@@ -8,13 +8,14 @@ import sys
 import pytest
 from pages import ROOT, blocks
 
+import g1_description
 from g1_description import Robot
 
 TEXT = (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
 PARTS = re.split(r"^## ", TEXT, flags=re.M)
-EXPERIMENTS = next(part for part in PARTS if part.startswith("Experiments"))
-ROBOT = "".join(part for part in PARTS if part != EXPERIMENTS)
-"""What needs no ROS; the rest is run in test/rostest/test_client.py."""
+STREAMS, EXPERIMENTS = PARTS[-2:]
+ROBOT = "".join(PARTS[:-2])
+"""What needs no ROS; the rest is run in test/rostest."""
 
 
 def rows(text, name):
@@ -52,13 +53,15 @@ def test_the_page_is_one_program(tmp_path):
 
 
 def test_the_page_names_every_public_method():
-    assert unknown(Robot, ROBOT) == []
+    assert unknown(Robot, ROBOT + STREAMS) == []
 
 
-def test_the_page_names_every_method_of_the_client():
+@pytest.mark.parametrize(
+    ("name", "text"), [("Client", EXPERIMENTS), ("Stream", STREAMS)]
+)
+def test_the_page_names_every_method_of_what_needs_ros(name, text):
     pytest.importorskip("rospy", reason="rospy is not there")
     pytest.importorskip("g1_description.srv", reason="no workspace is sourced")
-    from g1_description import Client
-
-    assert unknown(Client, EXPERIMENTS) == []
-    assert rows(EXPERIMENTS, "Client") == [[*inspect.signature(Client).parameters]]
+    kind = getattr(g1_description, name)
+    assert unknown(kind, text) == []
+    assert rows(text, name) == [[*inspect.signature(kind).parameters]]

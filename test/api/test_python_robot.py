@@ -400,3 +400,13 @@ def test_a_motion_comes_from_a_pose_by_name_or_positions():
         robot.padded(motion, motion.positions)
     with pytest.raises(UnknownNameError, match="Unknown pose 'stnd'"):
         robot.padded(motion, "stnd")
+
+
+def test_the_base_of_a_motion_has_one_name_and_the_former_one_works():
+    poses = np.tile([0.0, 0.0, 0.8, 0.0, 0.0, 0.0, 1.0], (2, 1))
+    rows = np.zeros((2, len(Robot().joint_names)))
+    for keyword in {"base": poses}, {"base_poses": poses}:
+        motion = Robot().trajectory([0.0, 1.0], rows, **keyword)
+        np.testing.assert_array_equal(motion.base, poses)
+        assert motion.base is motion.base_poses
+    assert Robot().trajectory([0.0, 1.0], rows).base is None

@@ -149,7 +149,7 @@ def test_meshes_come_along_and_the_source_stays(bring, source):
         "urdf/r.urdf",
         "meshes/meshes/a.STL",
         "meshes/my_meshes/b_b.stl",
-        "report.md",
+        *("robot.yaml", "poses.yaml", "report.md"),
     }
     found = mesh_files(urdf)
     assert found["base", "v", 0][1] == (2.0, 1.0, 1.0)
@@ -610,7 +610,8 @@ def test_one_wrong_file_of_a_folder_is_named_and_left_out(source, out):
     for name in ("b", "sub/c"):
         (source / f"{name}.urdf").write_text("<sdf/>")
     told = run([str(source), "--out", str(out)])
-    assert set(contents(out)) == {"urdf/a.urdf", "report.md"}
+    profile = {"robot.yaml", "poses.yaml"}
+    assert set(contents(out)) == {"urdf/a.urdf", "report.md"} | profile
     for name in ("b", "sub/c"):
         words = f"Cannot use the model {source}/{name}.urdf: "
         assert words in told
@@ -661,7 +662,8 @@ def test_a_folder_that_has_other_files_takes_a_robot(bring, out):
     out.mkdir()
     (out / "package.xml").write_text("<package/>")
     bring(robot(""))
-    assert set(contents(out)) == {"package.xml", "urdf/r.urdf", "report.md"}
+    written = {"urdf/r.urdf", "robot.yaml", "poses.yaml", "report.md"}
+    assert set(contents(out)) == {"package.xml"} | written
 
 
 def test_what_is_no_folder_is_in_the_way(bring, out):

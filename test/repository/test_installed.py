@@ -150,13 +150,18 @@ def test_a_program_loads_only_what_it_uses(python):
 def test_what_needs_ros_says_so(python):
     program = (
         "import g1_description\n"
-        "try:\n    g1_description.Client\n"
-        "except ImportError as error:\n    print(error)"
+        "robot = g1_description.Robot()\n"
+        "for part in (lambda: g1_description.Client, lambda: g1_description.Stream,\n"
+        "             lambda: robot.to_message(robot.neutral)):\n"
+        "    try:\n        part()\n"
+        "    except ImportError as error:\n        print(error)"
     )
-    text = python(program)
-    assert text.startswith("g1_description.Client needs ")
-    assert "ROS" in text
-    assert "\n" not in text
+    lines = python(program).splitlines()
+    begins = "g1_description.Client needs ", "g1_description.Stream needs ", "Messages "
+    assert len(lines) == len(begins)
+    for line, begin in zip(lines, begins):
+        assert line.startswith(begin)
+        assert "ource the workspace" in line
 
 
 def test_nothing_of_a_build_is_left_that_the_next_one_would_take(python):

@@ -321,6 +321,32 @@ def test_a_profile_chooses_the_robot_and_is_told_to_all_nodes(launch, profile, f
     assert found["/robot_description_profile"] == str(profile)
 
 
+def test_a_relative_folder_of_a_profile_is_told_with_its_path(
+    launch, profile, monkeypatch
+):
+    """Nodes run in another folder than roslaunch."""
+    monkeypatch.chdir(profile.parent)
+    told = refusal(launch, f"robot:={profile.name}")
+    assert f"an absolute path (got '{profile.name}'); use {profile}." in told
+
+
+def test_a_wrong_profile_ends_the_launch_with_a_sentence(launch, profile):
+    (profile / "robot.yaml").write_text("nmaes: [r]\nmodel: r.urdf\n")
+    told = refusal(launch, f"robot:={profile}")
+    assert told.startswith("Cannot use the model ") and "unknown key nmaes" in told
+
+
+def test_a_wrong_profile_of_the_user_ends_a_launch_that_looks_for_one(
+    launch, tmp_path, monkeypatch
+):
+    monkeypatch.setenv("ROS_HOME", str(tmp_path))
+    folder = tmp_path / "g1_description" / "robots" / "mine"
+    folder.mkdir(parents=True)
+    (folder / "robot.yaml").write_text("- a")
+    told = refusal(launch, f"model:={REPOSITORY}/test/data/five_links.urdf")
+    assert told == f"The profile {folder / 'robot.yaml'}: it must be a mapping."
+
+
 def test_a_model_may_be_given_the_profile_of_another(launch, profile):
     """Its poses are known then."""
     model = REPOSITORY / "test" / "data" / "five_links.urdf"

@@ -47,7 +47,7 @@ def test_nothing_is_wrong_with_a_motion_and_motors_can_do_it(robot, checker, nam
 @pytest.mark.parametrize("name", ("reach", "squat", "wave"))
 def test_feet_stay_where_they_are(robot, name):
     motion = robot.read_motion(MOTIONS / f"{name}.csv")
-    poses = robot.link_poses(robot.positions_of(motion), motion.base_poses)
+    poses = robot.link_poses(robot.positions_of(motion), motion.base)
     for foot in ("left_ankle_roll_link", "right_ankle_roll_link"):
         assert np.ptp(poses[foot], axis=0).max() < 4e-4  # files have 4 digits
 

@@ -143,6 +143,8 @@ def wrong(words):
     program = words[0].rpartition("/")[2]
     if words[0].startswith("tools/"):
         return wrong_tool(words)
+    if program == "roslaunch" and "/" in [*words, ""][1]:
+        return []  # a file that a command of the page writes
     if program == "roslaunch":
         return wrong_launch(words[1:], 0)
     if program == "rostest":

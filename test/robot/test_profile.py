@@ -1,5 +1,6 @@
 """Profiles: which robot has which, and what is wrong with a folder."""
 
+import re
 from dataclasses import replace
 
 import pytest
@@ -215,3 +216,23 @@ def test_poses_of_the_users_other_robots_hide_none_of_this_one(home):
     assert robot.pose("wave")[robot.joint_row("left_elbow_joint")] == 0.5
     with pytest.raises(UnknownNameError, match="no movable joint 'l_hip'"):
         robot.pose("low")
+
+
+def test_the_profiles_of_the_page_are_profiles(add):
+    """Its first three blocks of YAML are files of strider, the last one is a G1."""
+    page = (REPOSITORY / "docs" / "robots.md").read_text()
+    *blocks, like = re.findall("^```yaml\n(.*?)^```", page, re.M | re.S)
+    files = {re.match(r"# (\w+)\.yaml", block)[1]: block for block in blocks}
+    folder = add("strider", files.pop("robot"), **files)
+    (folder / "strider.urdf").write_text(FIVE.read_text())
+    strider = Robot("strider")
+    assert strider.pose(strider.profile.standing_pose)[0] == -0.4
+    assert strider.pose_names == ("zero", "stand")
+    assert set(strider.profile.links) == {"left_foot", "right_foot"}
+    assert motors_of(strider.description).of("l_ankle") == Motor(effort=20.0)
+    assert motors_of(strider.description).of("l_hip") == Motor()
+    add("my_g1", like)
+    mine = replace(G1, name="my_g1").profile
+    assert mine.poses == G1.profile.poses
+    assert "left_hand" not in mine.links  # the gripper, which this URDF does not have
+    assert mine.links["right_hand"] == "right_rubber_hand"

@@ -9,9 +9,15 @@ trajectory_msgs = pytest.importorskip(
     "trajectory_msgs.msg", reason="trajectory_msgs is not there"
 )
 
-from genpy import Duration  # noqa: E402
+from genpy import Duration, Time  # noqa: E402
 
-from g1_description.errors import G1DescriptionError, MotionError, UnknownNameError  # noqa: E402
+from g1_description import Robot  # noqa: E402
+from g1_description.errors import (  # noqa: E402
+    G1DescriptionError,
+    InvalidValueError,
+    MotionError,
+    UnknownNameError,
+)
 from g1_description.ros.motion_messages import trajectory_from_message  # noqa: E402
 
 JOINTS = ("knee", "elbow", "wrist")
@@ -98,3 +104,50 @@ def test_times_that_do_not_rise_are_told(seconds):
     message.points[1].time_from_start = Duration(seconds)
     with pytest.raises(G1DescriptionError, match="must increase"):
         trajectory_from_message(message, JOINTS)
+
+
+ROBOT = Robot()
+BASE = [0.1, -0.2, 0.8, 0.0, 0.0, 0.6, 0.8]
+
+
+def test_a_motion_survives_its_message():
+    squat = ROBOT.read_motion("squat.csv")
+    message = ROBOT.trajectory_message(squat, Time(5, 7))
+    found = ROBOT.from_message(message)
+    for name in ("times", "positions", "base"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(squat, name))
+    assert found.joint_names == squat.joint_names
+    parts = message.joint_trajectory, message.multi_dof_joint_trajectory
+    assert [part.header.stamp for part in parts] == [Time(5, 7)] * 2
+    arms = ROBOT.from_message(message.joint_trajectory)
+    np.testing.assert_array_equal(arms.positions, squat.positions)
+    assert arms.base is None
+
+
+def test_a_configuration_names_only_what_is_given():
+    found = ROBOT.from_message(ROBOT.to_message({"left_elbow_joint": 0.5}, BASE))
+    assert (found.joint_names, found.times.tolist()) == (("left_elbow_joint",), [0.0])
+    assert (found.positions.tolist(), found.base.tolist()) == ([[0.5]], [BASE])
+    assert ROBOT.from_message(ROBOT.to_message(ROBOT.neutral)).base is None
+    assert ROBOT.from_message(ROBOT.to_message(None, BASE)).joint_names == ()
+
+
+def test_a_base_elsewhere_than_in_the_map_is_told():
+    message = ROBOT.to_message(None, BASE)
+    message.multi_dof_joint_trajectory.header.frame_id = "odom"
+    with pytest.raises(MotionError, match="must be in the frame map"):
+        ROBOT.from_message(message)
+
+
+@pytest.mark.parametrize(
+    ("positions", "base", "kind", "words"),
+    [
+        ({"left_elbow": 1.0}, None, UnknownNameError, "left_elbow_joint"),
+        (np.zeros((2, 29)), None, InvalidValueError, "single configuration"),
+        (None, [BASE, BASE], InvalidValueError, "single pose"),
+        (None, [0, 0, 1, 0, 0, 0, 2], InvalidValueError, "length 1"),
+    ],
+)
+def test_a_wrong_configuration_makes_no_message(positions, base, kind, words):
+    with pytest.raises(kind, match=words):
+        ROBOT.to_message(positions, base)

@@ -97,7 +97,9 @@ class TestPlay(unittest.TestCase):
         arguments = "--from", 0.5, "--to", 1, "--lead-in", 1, "--speed", 2
         done = self.run_play(self.file, *arguments)
         self.assertEqual(done.returncode, 0, done.stdout)
-        self.assertEqual(done.stdout.splitlines()[-1], "play: wave.csv: 0.50 s played.")
+        self.assertEqual(
+            done.stdout.splitlines()[-1], f"play: {self.file}: 0.50 s played."
+        )
         words = "Joints missing from the motion are not moved: left_hip_pitch_joint"
         self.assertIn(words, done.stdout)
         self.states.wait(lambda m: is_at(m, ELBOW, 0.2), "the end")

@@ -20,9 +20,12 @@ from g1_description.robot.rotation import from_rpy
 from g1_description.robot.transform import IDENTITY
 from g1_description.ros.conversions import transform
 from g1_description.ros.lifecycle import start_node
-from g1_description.ros.parameters import find_parameter, read_parameters, read_robot
-
-DESCRIPTION = "robot_description"
+from g1_description.ros.parameters import (
+    DESCRIPTION,
+    find_parameter,
+    read_parameters,
+    read_robot,
+)
 
 
 @dataclass(frozen=True)

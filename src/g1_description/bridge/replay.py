@@ -20,12 +20,18 @@ from g1_description.bridge.parameters import BridgeParameters, base_child, stati
 from g1_description.errors import G1DescriptionError, InvalidValueError
 from g1_description.motion.files.formats import read_motion
 from g1_description.motion.motion import Motion, Sample, sample
+from g1_description.motion.paths import motion_path
 from g1_description.robot.description import Description
 from g1_description.robot.transform import IDENTITY
 from g1_description.ros.conversions import transform
 from g1_description.ros.lifecycle import quiet_when_closing, start_node
 from g1_description.ros.master import stay_registered
-from g1_description.ros.parameters import check_range, read_parameters, read_robot
+from g1_description.ros.parameters import (
+    DESCRIPTION,
+    check_range,
+    read_parameters,
+    read_robot,
+)
 
 REST = 1.0
 """Pause before a motion starts again, in [s]."""
@@ -68,10 +74,10 @@ class ReplayParameters:
             raise InvalidValueError("No motion file; give motion:=FILE or bag:=FILE.")
         if self.motion and self.bag:
             raise InvalidValueError("motion:= and bag:= cannot be combined.")
-        if not Path(self.file).is_absolute():
-            hint = "" if self.file.startswith("~") else f"; try $PWD/{self.file}"
+        if not self.path.is_absolute():
             raise InvalidValueError(
-                f"The motion file must be an absolute path (got '{self.file}'){hint}."
+                f"The motion file must be an absolute path (got '{self.file}'); try "
+                f"$PWD/{self.file}."
             )
         if self.order not in ("", "xyzw", "wxyz"):
             raise InvalidValueError(f"order must be xyzw or wxyz (got '{self.order}').")
@@ -83,6 +89,11 @@ class ReplayParameters:
     def file(self) -> str:
         """The file of either kind."""
         return self.motion or self.bag
+
+    @property
+    def path(self) -> Path:
+        """Its path."""
+        return motion_path(self.file)
 
 
 class Replay:
@@ -161,10 +172,10 @@ def main() -> None:
     start_node("replay")
     try:
         parameters = read_parameters(ReplayParameters)
-        robot = read_robot("robot_description")
+        robot = read_robot(DESCRIPTION)
         rate, topic = parameters.fps or None, parameters.topic or None
         told = parameters.order or None, parameters.format or None
-        motion = read_motion(Path(parameters.file), robot, rate, topic, *told)
+        motion = read_motion(parameters.path, robot, rate, topic, *told)
     except G1DescriptionError as error:
         rospy.logfatal("%s", error)
         sys.exit(1)

@@ -50,12 +50,24 @@ def collisions() -> Any:
     )
 
 
+def motion_file(text: str) -> Path:
+    """Read the name of a motion; those of this package need no folder."""
+    # Only where it is given: doctor must run without what finds files.
+    from g1_description.errors import G1DescriptionError
+    from g1_description.motion.paths import motion_path
+
+    try:
+        return motion_path(text)
+    except G1DescriptionError as error:
+        raise argparse.ArgumentTypeError(str(error).rstrip(".")) from error
+
+
 def motions() -> Any:
     """Declare the motions that a command takes."""
     return argument(
         "a motion, FILE#NAME for one of several in a file, or a folder with motions "
         "below it",
-        Path,
+        motion_file,
         nargs="+",
         metavar="FILE",
     )

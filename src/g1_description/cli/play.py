@@ -26,6 +26,7 @@ from g1_description.errors import (
 from g1_description.motion.edit import moved, to_start_at
 from g1_description.motion.files.formats import read_motion
 from g1_description.motion.motion import Motion
+from g1_description.motion.paths import split
 from g1_description.robot.transform import IDENTITY
 from g1_description.ros.lifecycle import own_arguments, start_node
 from g1_description.ros.map_frame import MapFrame
@@ -160,7 +161,7 @@ class PlayOptions:
     robot.
     """
 
-    file: Path = argument("the motion", Path, metavar="FILE")
+    file: Path = argument("the motion", options.motion_file, metavar="FILE")
     fps: float | None = options.fps()
     topic: str | None = options.topic()
     order: str | None = options.order()
@@ -323,7 +324,7 @@ def play(args: PlayOptions) -> None:
     Raises:
         G1DescriptionError: If it cannot be played.
     """
-    if not args.file.exists():
+    if not split(args.file)[0].exists():
         raise InvalidValueError(f"The file {args.file} does not exist.")
     start_node("play", anonymous=True, disable_rosout=True)
     robot = RobotView(args.namespace, notify)
@@ -338,7 +339,7 @@ def play(args: PlayOptions) -> None:
             follow(session, keyboard, args)
     if session.is_over:
         _check_end(robot, trajectory, args.file.name)
-        notify(f"{args.file.name}: {session.end - session.begin:.2f} s played.")
+        notify(f"{args.file}: {session.end - session.begin:.2f} s played.")
 
 
 def _check_end(robot: RobotView, trajectory: Motion, name: str) -> None:

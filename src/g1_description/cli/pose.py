@@ -35,8 +35,8 @@ from g1_description.robot.poses import (
 from g1_description.robot.profile import DEFAULT
 from g1_description.robot.state import RobotState
 from g1_description.ros.lifecycle import own_arguments, quiet_when_closing, start_node
-from g1_description.ros.parameters import find_parameter, read_robot
-from g1_description.ros.robot_view import DESCRIPTION, STANDS_STILL, RobotView
+from g1_description.ros.parameters import DESCRIPTION, find_parameter, read_robot
+from g1_description.ros.robot_view import STANDS_STILL, RobotView
 from g1_description.ros.waiting import NoAnswerError
 from g1_description.text import listed
 

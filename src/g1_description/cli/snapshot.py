@@ -140,11 +140,11 @@ class SnapshotOptions:
         None,
         str,
     )
-    motion: str | None = option(
+    motion: Path | None = option(
         "draw the motion in this file (CSV, npz, pickle, bag, YAML of a trajectory) "
         "without a master: an animation, or a contact sheet",
         None,
-        str,
+        options.motion_file,
         metavar="FILE",
     )
     motion_fps: float | None = options.fps()
@@ -383,7 +383,7 @@ def drawn_motion(
             long.
     """
     motion = read_motion(
-        Path(args.motion),
+        args.motion,
         description,
         args.motion_fps,
         args.motion_topic,

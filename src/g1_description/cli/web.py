@@ -62,11 +62,13 @@ class WebOptions:
         metavar="YAML",
         see="[a folder of motions](checks.md#a-folder-of-motions)",
     )
-    motion: Path | None = option("a motion to open", None, Path, metavar="FILE")
+    motion: Path | None = option(
+        "a motion to open", None, options.motion_file, metavar="FILE"
+    )
     compare: list[Path] | None = option(
         "two motions, played in sync by two robots",
         None,
-        Path,
+        options.motion_file,
         nargs=2,
         metavar=("FILE", "FILE"),
         see="[two motions](browser.md#two-motions)",

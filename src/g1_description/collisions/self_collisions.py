@@ -190,6 +190,8 @@ class SelfCollisions:
         if isinstance(allowed, AllowedPairs):
             allowed.check_links(description.name, self.links)
             allowed = allowed.pairs
+        self.allowed = tuple(allowed)
+        """Pairs that are not checked, with the reasons."""
         self.pairs = _checked_pairs(
             description, self.links, {pair.links for pair in allowed}
         )

@@ -261,8 +261,6 @@ def _profile(
         return {}, "Several robots have no profile: import one at a time to get it."
     files = first_profile(robots[0])
     target = folder.target
-    if os.path.lexists(target / FILE):  # it is the user's by now
-        files = {}
     missing = {n: text for n, text in files.items() if not os.path.lexists(target / n)}
     return missing, (
         f"The folder is a profile to complete in {FILE}: robot:={folder.target}, or "

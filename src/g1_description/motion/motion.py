@@ -116,6 +116,11 @@ class Motion:
         return self
 
     @property
+    def base(self) -> np.ndarray | None:
+        """``base_poses``, under the name of the arguments of ``Robot``."""
+        return self.base_poses
+
+    @property
     def duration(self) -> float:
         """Time from zero to the last sample, in [s]."""
         return float(self.times[-1])

@@ -12,6 +12,7 @@ from g1_description.bounds import MAX_PORT
 from g1_description.errors import InvalidValueError, UnknownNameError
 from g1_description.files.model_files import PACKAGE, share_folder
 from g1_description.robot.description import Description
+from g1_description.robot.profile import FILE
 from g1_description.text import listed, similar_first
 
 PHYSICS = ("kinematic", "hold", "limp")
@@ -72,6 +73,7 @@ def check_arguments(given: Mapping[str, str]) -> None:
     for name in FILES:
         if given.get(name):
             _check_file(name, Path(given[name]))
+    _check_profile(given.get("robot", ""))
     _check_port(given.get("port", "0"))
     _check_base(given.get("base", ""))
 
@@ -95,6 +97,16 @@ def check_trails(
         near = listed(similar_first(unknown[0], names))
         raise UnknownNameError(
             f"Unknown link {listed(unknown)} in {name}. Known links: {near}."
+        )
+
+
+def _check_profile(text: str) -> None:
+    """Check that the folder of a profile is an absolute path, as for files."""
+    folder = Path(os.path.expanduser(text))
+    if text and not folder.is_absolute() and (folder / FILE).is_file():
+        raise InvalidValueError(
+            f"robot must be a profile's name or an absolute path (got '{text}'); use "
+            f"{folder.resolve()}."
         )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import genpy
 import numpy as np
@@ -16,8 +17,14 @@ from trajectory_msgs.msg import (
 from g1_description.errors import MotionError, UnknownNameError
 from g1_description.motion.motion import Motion
 from g1_description.msg import RobotTrajectory
-from g1_description.ros.map_frame import MapFrame
+from g1_description.ros.conversions import to_transform
 from g1_description.text import listed, similar_first
+
+if TYPE_CHECKING:
+    from g1_description.ros.map_frame import MapFrame
+
+MAP = ("", "map", "world")
+"""Frames of a base without TF."""
 
 
 def trajectory_from_message(
@@ -65,6 +72,46 @@ def message_of_joints(trajectory: Motion) -> JointTrajectory:
     return message
 
 
+def whole_body_message(
+    trajectory: Motion, stamp: genpy.Time | None = None
+) -> RobotTrajectory:
+    """Convert a motion of joints and base; it starts at a time, by default at once."""
+    message = RobotTrajectory()
+    if trajectory.joint_names:
+        message.joint_trajectory = message_of_joints(trajectory)
+    base = message.multi_dof_joint_trajectory
+    if trajectory.base_poses is not None:
+        base.joint_names = ["base"]
+        base.points = [
+            MultiDOFJointTrajectoryPoint(
+                transforms=[to_transform(pose)], time_from_start=time
+            )
+            for pose, time in zip(
+                trajectory.base_poses.tolist(), durations_of(trajectory)
+            )
+        ]
+    for part in (message.joint_trajectory, base):
+        part.header.stamp = stamp or genpy.Time()
+    return message
+
+
+def motion_from_message(
+    message: RobotTrajectory | JointTrajectory, joints: Collection[str]
+) -> Motion:
+    """Convert a motion of joints, or of joints and a base in the map.
+
+    Raises:
+        UnknownNameError: If it has other joints.
+        MotionError: If it is no motion, or its base is in another frame.
+    """
+    if isinstance(message, JointTrajectory):
+        return trajectory_from_message(message, joints)
+    motion = whole_body_from_message(message, joints)
+    if motion is None:
+        raise MotionError("The message has no points.")
+    return motion
+
+
 def durations_of(trajectory: Motion) -> list[genpy.Duration]:
     """Convert the times of a trajectory to the nearest whole [ns]."""
     counts = (round(1e9 * time) for time in trajectory.times.tolist())
@@ -110,7 +157,9 @@ def _rows(
 
 
 def whole_body_from_message(
-    message: RobotTrajectory, joints: Collection[str], frame: MapFrame
+    message: RobotTrajectory,
+    joints: Collection[str],
+    frame: MapFrame | None = None,
 ) -> Motion | None:
     """Convert a motion of joints and base.
 
@@ -119,7 +168,7 @@ def whole_body_from_message(
     Args:
         message: The motion.
         joints: Names of the joints that it may move.
-        frame: Transforms the base's poses to the map.
+        frame: Transforms the base's poses to the map; None: they must be in the map.
 
     Returns:
         The motion; None if it has no points.
@@ -137,7 +186,12 @@ def whole_body_from_message(
             f"The base must be a single joint (got {listed(base.joint_names)})."
         )
     poses = np.array([_base_pose(n, point) for n, point in enumerate(base.points, 1)])
-    poses = frame.pose_in_map(poses, base.header.frame_id, base.header.stamp)
+    if frame is not None:
+        poses = frame.pose_in_map(poses, base.header.frame_id, base.header.stamp)
+    elif base.header.frame_id.lstrip("/") not in MAP:
+        raise MotionError(
+            f"The base must be in the frame map (got {base.header.frame_id})."
+        )
     times = _times(base.points)
     if not arms.points:
         return Motion(times, (), np.zeros((len(times), 0)), base_poses=poses)

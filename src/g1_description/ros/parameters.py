@@ -111,8 +111,23 @@ def _converted(name, value, default):
     raise InvalidValueError(f"~{name} must be a {kind}{example} (got {value!r}).")
 
 
+DESCRIPTION = "robot_description"
+
 PROFILE = "_profile"
 """End of the name of the parameter with the profile of a robot."""
+
+
+def parse_robot(urdf: str) -> Description:
+    """Parse a URDF; if it is that of the parameter server, with the chosen profile.
+
+    Raises:
+        G1DescriptionError: If it is not a robot, or there is no such profile.
+    """
+    with suppress(OSError):  # without a master there is no profile
+        is_chosen = bool(rospy.get_param(DESCRIPTION + PROFILE, ""))
+        if is_chosen and rospy.get_param(DESCRIPTION, "") == urdf:
+            return read_robot(DESCRIPTION)
+    return parse_urdf(urdf)
 
 
 def read_robot(parameter: str) -> Description:

@@ -12,13 +12,11 @@ from typing import Protocol
 
 import numpy as np
 import rospy
-from trajectory_msgs.msg import MultiDOFJointTrajectoryPoint
 
 from g1_description.motion.edit import later
 from g1_description.motion.motion import SNAP, Motion
 from g1_description.msg import RobotTrajectory
-from g1_description.ros.conversions import to_transform
-from g1_description.ros.motion_messages import durations_of, message_of_joints
+from g1_description.ros.motion_messages import whole_body_message
 from g1_description.ros.waiting import NoAnswerError, RefusedError
 
 
@@ -50,7 +48,7 @@ class MotionClient:
                 self.may_move = False
                 raise rospy.ROSInterruptException("interrupted")
             try:
-                return self._call(_message(trajectory))
+                return self._call(whole_body_message(trajectory))
             except RefusedError:
                 self.may_move = False
                 raise
@@ -118,25 +116,6 @@ def set_anchor(service: rospy.ServiceProxy, link: str) -> str:
     if not answer.success:
         raise RefusedError(f"The anchor was refused: {answer.status_message}.")
     return str(answer.previous)
-
-
-def _message(trajectory: Motion) -> RobotTrajectory:
-    """Write a motion as a message."""
-    message = RobotTrajectory()
-    if trajectory.joint_names:
-        message.joint_trajectory = message_of_joints(trajectory)
-    if trajectory.base_poses is not None:
-        base = message.multi_dof_joint_trajectory
-        base.joint_names = ["base"]
-        base.points = [
-            MultiDOFJointTrajectoryPoint(
-                transforms=[to_transform(pose)], time_from_start=time
-            )
-            for pose, time in zip(
-                trajectory.base_poses.tolist(), durations_of(trajectory)
-            )
-        ]
-    return message
 
 
 class PlayedRobot(Protocol):

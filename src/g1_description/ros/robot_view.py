@@ -15,15 +15,13 @@ from g1_description.robot.assembly import WORLD, base_of
 from g1_description.robot.description import Description
 from g1_description.robot.state import RobotState
 from g1_description.ros.log import ThrottledLog
-from g1_description.ros.parameters import read_robot, wait_for_parameter
+from g1_description.ros.parameters import DESCRIPTION, read_robot, wait_for_parameter
 from g1_description.ros.playing import MotionClient, set_anchor
 from g1_description.ros.robot_states import RobotStates
 from g1_description.ros.waiting import NoAnswerError, wait_until
 from g1_description.srv import PlayMotion, SetAnchor
 
 MAP = "map"
-
-DESCRIPTION = "robot_description"
 
 DESCRIPTION_TIMEOUT = 10.0
 """Longest wait for a description, in [s]: the launch may have just started."""

@@ -99,15 +99,20 @@ class Anchor:
         self._model.set_root(self._tree, T_world_root, twist)
 
 
+def _known_feet(model: Model) -> list[str]:
+    """Return the feet in the profile of a model, which may be lumped links."""
+    robot = model.assembly.description
+    links = (robot.given_profile or robot.profile).links
+    return [links[role] for role in FEET if role in links]
+
+
 def _feet_of(model: Model) -> list[str]:
     """Return the feet of a model.
 
     Raises:
         UnknownNameError: If none is known.
     """
-    robot = model.assembly.description
-    links = (robot.given_profile or robot.profile).links  # lumped ones, too
-    names = [_body(model, links[role]) for role in FEET if role in links]
+    names = [_body(model, name) for name in _known_feet(model)]
     if not names:
         raise UnknownNameError(
             f"the profile of {model.name} has no feet; name a link instead of "
@@ -124,7 +129,8 @@ def _body(model: Model, link: str) -> str:
     """
     body = model.assembly.lumped.get(link, link)
     if body not in model.link_names:
-        names = (LOWEST_FOOT, *model.link_names, *model.assembly.lumped)
+        names = [*model.link_names, *model.assembly.lumped]
+        names += [LOWEST_FOOT] if _known_feet(model) else []
         known = listed(similar_first(link, names))
         raise UnknownNameError(
             f"{model.name} has no link '{link}'; known anchors: {known}"

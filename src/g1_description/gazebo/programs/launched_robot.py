@@ -81,6 +81,7 @@ def launched_robot(model: str | None, given: dict[str, str], nodes: list[str]) -
     robot = found.description
     if given.get("robot"):
         robot = replace(robot, given_profile=find_profile(given["robot"]))
+    robot = replace(robot, given_profile=robot.profile)  # a wrong one ends the launch
     pose = given.get("initial_pose", ZERO)
     if pose != ZERO:
         check_pose(find_pose(pose, read_poses(robot)), robot)

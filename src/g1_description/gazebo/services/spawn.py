@@ -26,7 +26,7 @@ from g1_description.gazebo.services.base import (
 from g1_description.robot.assembly import Assembly
 from g1_description.robot.lumping import lump_fixed_joints
 from g1_description.robot.transform import IDENTITY, compose
-from g1_description.robot.urdf import parse_urdf
+from g1_description.ros.parameters import parse_robot
 from g1_description.sdf.world import Light, Sdf, SdfModel, read_sdf
 from g1_description.sim.model import Model
 
@@ -96,7 +96,7 @@ def _check(simulation: Simulation, name: str, content) -> None:
 def parse_urdf_request(is_dynamic: bool, request) -> ParsedRequest:
     """Parse a URDF; in the caller's thread."""
     try:
-        robot = parse_urdf(request.model_xml)
+        robot = parse_robot(request.model_xml)
         assembly: Assembly = lump_fixed_joints(robot, is_dynamic)
     except DescriptionError as error:
         return ParsedRequest(request, RefusalError(f"SpawnModel: Failure - {error}"))

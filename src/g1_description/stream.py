@@ -1,0 +1,139 @@
+"""A stream of configurations to a running robot, at a rate of simulated time.
+
+Published: motion (g1_description/RobotTrajectory)
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import rosgraph
+import rospy
+
+from g1_description.api import JointValues, Robot
+from g1_description.errors import InvalidValueError
+from g1_description.msg import RobotTrajectory
+from g1_description.ros.waiting import NoAnswerError, wait_until
+
+TIMEOUT = 10.0
+"""Longest wait for the robot and its clock, in [s]: they may be starting."""
+
+QUEUE_SIZE = 10
+"""Configurations that a slow connection may hold back; the bridge keeps as many."""
+
+
+class Stream:
+    """Shows one configuration after another, base and joints together.
+
+    The program becomes a node, unless it is one. In ``hold`` physics motors follow the
+    joints, and the base is left to physics.
+    """
+
+    def __init__(
+        self,
+        rate: float = 50.0,
+        robot: Robot | None = None,
+        namespace: str = "",
+        timeout: float = TIMEOUT,
+    ) -> None:
+        """Wait until the robot takes motions and its time runs.
+
+        Args:
+            rate: Configurations per second of simulated time, in [Hz].
+            robot: The robot; None: that of the parameter robot_description.
+            namespace: Namespace of its topics.
+            timeout: Longest wait, in [s].
+
+        Raises:
+            InvalidValueError: If the rate is not positive.
+            NoAnswerError: If there is no such robot, or its time stands still.
+            DescriptionError: If the robot's description cannot be read.
+        """
+        if not 0.0 < rate < float("inf"):
+            raise InvalidValueError(f"rate must be greater than 0 Hz (got {rate:g}).")
+        if not rosgraph.is_master_online():
+            raise NoAnswerError(
+                f"No ROS master at {rosgraph.get_master_uri()}; is display.launch "
+                "running?"
+            )
+        if not rospy.core.is_initialized():
+            rospy.init_node("stream", anonymous=True)
+        prefix = namespace.strip("/") + "/" if namespace.strip("/") else ""
+        self.robot = robot or _described(f"{prefix}robot_description", timeout)
+        """The robot, which makes the messages."""
+        self._publisher = rospy.Publisher(
+            f"{prefix}motion", RobotTrajectory, queue_size=QUEUE_SIZE, tcp_nodelay=True
+        )
+        self._timeout = timeout
+        if not wait_until(self._publisher.get_num_connections, timeout):
+            raise NoAnswerError(
+                f"Nothing subscribes to {self._publisher.resolved_name} within "
+                f"{timeout:g} s; is display.launch running?"
+            )
+        self._wait_for_time()
+        self._rate = rospy.Rate(rate, reset=True)
+
+    def __enter__(self) -> Stream:
+        """Return this stream, for a with statement."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close the stream."""
+        self.close()
+
+    def send(self, positions: JointValues | None = None, base: Any = None) -> float:
+        """Wait for the next period, and show a configuration.
+
+        Args:
+            positions: Of all joints as an array, or of some as a dictionary, in [rad]
+                or [m]; other joints stay.
+            base: Pose of the base link in the map, shape (7,); None: it stays.
+
+        Returns:
+            The simulated time at which it was sent, in [s].
+
+        Raises:
+            G1DescriptionError: If positions or base are invalid; nothing is sent then.
+            ROSInterruptException: If the node is shut down.
+        """
+        message = self.robot.to_message(positions, base)
+        self._rate.sleep()
+        now = rospy.Time.now()
+        for part in (message.joint_trajectory, message.multi_dof_joint_trajectory):
+            part.header.stamp = now
+        self._publisher.publish(message)
+        return now.to_sec()
+
+    def close(self) -> None:
+        """Let the last configuration last a period, and disconnect."""
+        if not rospy.is_shutdown():
+            self._rate.sleep()
+        self._publisher.unregister()
+
+    def _wait_for_time(self) -> None:
+        """Wait until time runs: before the first message on /clock it is 0.
+
+        Raises:
+            NoAnswerError: If it does not.
+        """
+        begin = rospy.Time.now()
+        if not wait_until(lambda: rospy.Time.now() > begin, self._timeout):
+            why = "is it paused?" if begin else "does a simulator publish /clock?"
+            raise NoAnswerError(
+                f"Simulated time stands still at {begin.to_sec():g} s; {why}"
+            )
+
+
+def _described(parameter: str, timeout: float) -> Robot:
+    """Read the robot of a parameter.
+
+    Raises:
+        NoAnswerError: If there is none.
+    """
+    text = wait_until(lambda: rospy.get_param(parameter, ""), timeout, None, 0.1)
+    if not text:
+        raise NoAnswerError(
+            f"There is no parameter {rospy.resolve_name(parameter)} within "
+            f"{timeout:g} s; is display.launch running?"
+        )
+    return Robot(str(text))

@@ -1,0 +1,105 @@
+"""g1_description.Stream, and the messages that Robot makes, on a robot that runs."""
+
+import re
+import subprocess
+import sys
+import unittest
+
+import numpy as np
+import rospy
+from g1_description.msg import RobotState, RobotTrajectory
+from std_srvs.srv import Empty
+from support.ros_testing import DEADLINE, REPOSITORY, Connected, Listener
+
+from g1_description import Robot, Stream
+from g1_description.errors import G1DescriptionError, UnknownNameError
+from g1_description.ros.conversions import pose_to_array
+from g1_description.ros.waiting import NoAnswerError
+
+ROBOT = Robot()
+FEET = ("left_ankle_roll_link", "right_ankle_roll_link")
+PERIOD = 0.02
+"""Of the states and of the streams, in [s]."""
+
+
+def is_down(state, squat):
+    """Tell whether a state shows the middle of the squat."""
+    return bool(np.abs(squat.positions[150] - state.position).max() < 1e-9)
+
+
+def sample_of(state, motion):
+    """Give the sample of a motion that a state shows, or None: within 1e-9 rad."""
+    errors = np.abs(motion.positions - state.position).max(axis=1)
+    return int(errors.argmin()) if errors.min() < 1e-9 else None
+
+
+class TestStream(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.states = Connected("/robot_state", RobotState)
+
+    def test_base_and_joints_arrive_together_and_feet_stay(self):
+        squat = ROBOT.read_motion("squat.csv")
+        self.states.clear()
+        with Stream(rate=50) as stream:
+            times = [stream.send(*row) for row in zip(squat.positions, squat.base)]
+        self.states.wait(lambda m: is_down(m, squat))
+        self.assertEqual(stream.robot.joint_names, ROBOT.joint_names)
+        self.assertAlmostEqual(
+            times[-1] - times[0], PERIOD * (len(times) - 1), delta=20 * PERIOD
+        )
+        shown = [m for m in self.states.messages if sample_of(m, squat) is not None]
+        self.assertGreater(len({sample_of(m, squat) for m in shown}), 50)
+        bases = [pose_to_array(m.base_pose) for m in shown]
+        poses = ROBOT.link_poses([m.position for m in shown], bases)
+        for foot in FEET:
+            self.assertLess(np.ptp(poses[foot], axis=0).max(), 4e-4)
+
+    def test_what_is_not_named_stays(self):
+        before = self.states.messages[-1]
+        with Stream() as stream:
+            stream.send({"left_elbow_joint": 1.25})
+        elbow = before.name.index("left_elbow_joint")
+        after = self.states.wait(lambda m: abs(m.position[elbow] - 1.25) < 1e-9)
+        rest = [*after.position[:elbow], *after.position[elbow + 1 :]]
+        kept = [*before.position[:elbow], *before.position[elbow + 1 :]]
+        np.testing.assert_allclose(rest, kept, atol=1e-9)
+        np.testing.assert_allclose(
+            pose_to_array(after.base_pose), pose_to_array(before.base_pose), atol=1e-9
+        )
+
+    def test_what_is_wrong_is_told_before_anything_is_sent(self):
+        motions = Listener("/motion", RobotTrajectory)
+        with Stream() as stream:
+            with self.assertRaisesRegex(UnknownNameError, "left_elbow_joint"):
+                stream.send({"left_elbo_joint": 1.0})
+            with self.assertRaisesRegex(G1DescriptionError, "length 1"):
+                stream.send(base=[0, 0, 0.8, 1, 1, 0, 0])
+        self.assertEqual(motions.messages, [])
+        motions.close()
+
+    def test_time_that_stands_still_is_told(self):
+        rospy.ServiceProxy("/gazebo/pause_physics", Empty)()
+        try:
+            with self.assertRaisesRegex(NoAnswerError, "stands still at .*paused"):
+                Stream(timeout=1.0)
+        finally:
+            rospy.ServiceProxy("/gazebo/unpause_physics", Empty)()
+
+    def test_a_robot_that_is_not_there_is_told(self):
+        with self.assertRaisesRegex(NoAnswerError, "subscribes to /nobody/motion"):
+            Stream(robot=ROBOT, namespace="nobody", timeout=0.5)
+        with self.assertRaisesRegex(NoAnswerError, "/nobody/robot_description"):
+            Stream(namespace="/nobody/", timeout=0.5)
+
+    def test_the_page_is_a_program(self):
+        text = (REPOSITORY / "docs" / "python.md").read_text(encoding="utf-8")
+        part = next(p for p in re.split(r"^## ", text, flags=re.M) if "Stream(" in p)
+        program = "\n".join(re.findall(r"^```python\n(.*?)^```", part, re.M | re.S))
+        self.states.clear()
+        subprocess.run([sys.executable, "-c", program], check=True, timeout=DEADLINE)
+        squat = ROBOT.read_motion("squat.csv")
+        down = [is_down(state, squat) for state in self.states.messages]
+        self.assertEqual(np.diff(np.flatnonzero(np.diff(down))).size, 3)  # twice down
+        elbow = self.states.messages[0].name.index("left_elbow_joint")
+        self.assertIn(1.2, [round(m.position[elbow], 9) for m in self.states.messages])
