@@ -5,7 +5,6 @@ import subprocess
 import tempfile
 import unittest
 from pathlib import Path
-from threading import Event
 
 import numpy as np
 import rospy
@@ -33,12 +32,6 @@ from trajectory_msgs.msg import (
     JointTrajectoryPoint,
     MultiDOFJointTrajectoryPoint,
 )
-
-from g1_description.bridge.parameters import RobotParameters
-from g1_description.robot.urdf import parse_urdf
-from g1_description.ros.log import ThrottledLog
-from g1_description.ros.waiting import RefusedError
-from g1_description.web.live_robot import LiveRobot
 
 UPRIGHT = [0.0, 0.0, 0.793, 0.0, 0.0, 0.0, 1.0]
 LEFT, RIGHT = "left_ankle_roll_link", "right_ankle_roll_link"
@@ -154,9 +147,13 @@ class TestAnchor(unittest.TestCase):
         heights = [numbers(state.base_pose)[2] for state in states]
         self.assertEqual(heights, sorted(heights, reverse=True))
         self.assertLess(heights[-1], UPRIGHT[2] - 0.05)
-        moving = [state for state in states if any(state.velocity)]
-        self.assertTrue(moving, "a busy machine may skip some states")
-        self.assertTrue(all(state.base_twist.linear.z < 0.0 for state in moving))
+        sinking = [
+            state.base_twist.linear.z
+            for state, height in zip(states, heights)
+            if any(state.velocity) and height < UPRIGHT[2] - 0.01  # no longer straight
+        ]
+        self.assertTrue(sinking, "a busy machine may skip some states")
+        self.assertLess(max(sinking), 0.0)
 
     def test_both_feet_stay_on_tf_too(self):
         """From joints as robot_state_publisher gets them, which may drop some."""
@@ -287,20 +284,6 @@ class TestAnchor(unittest.TestCase):
             text=True,
             timeout=DEADLINE,
         )
-
-    def test_the_page_shows_the_anchor_as_it_is_when_opened_and_sets_it(self):
-        description = parse_urdf(self.urdf)
-        robot = LiveRobot(
-            RobotParameters("g1_robot", ""), description, "map", Event(), "gazebo/"
-        )
-        self.anchor(LEFT)
-        robot.watch(ThrottledLog())
-        self.addCleanup(robot.ignore)
-        self.assertEqual(robot.anchor, LEFT)
-        robot.set_anchor(RIGHT)
-        with self.assertRaisesRegex(RefusedError, "^The anchor was refused: g1_robot "):
-            robot.set_anchor("ear")
-        self.assertEqual((robot.anchor, self.anchor_now()), (RIGHT, RIGHT))
 
     def test_play_keeps_a_foot_in_a_motion_without_a_base(self):
         folder = tempfile.TemporaryDirectory()

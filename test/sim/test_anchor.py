@@ -1,6 +1,7 @@
 """Anchors in the simulated world: where scipy puts the link that should stay."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,6 +14,9 @@ from worlds import OUR_G1, Bench
 
 from g1_description.errors import InvalidValueError, UnknownNameError
 from g1_description.motion.motion import Motion
+from g1_description.robot.lumping import lump_fixed_joints
+from g1_description.robot.profile import Profile
+from g1_description.robot.urdf import parse_urdf
 
 STEP = 1_000_000
 UPRIGHT = np.array([0.0, 0.0, 0.793, 0.0, 0.0, 0.0, 1.0])
@@ -267,6 +271,7 @@ def reset_models(world, model):
 
 
 def reset(world, model):
+    world.put("g1", TILTED, np.zeros(6))
     world.set_joint_positions("g1", legs(1.0))
     world.reset()
 
@@ -291,13 +296,19 @@ def test_whatever_else_moves_the_robot_the_link_is_held_at_its_new_place(
 
 
 def test_both_feet_stay_in_a_squat_on_the_lowest_one(world, model):
+    turned = np.array([0.3, 0.7, 0.793, 0.0, 0.0, np.sin(0.35), np.cos(0.35)])
+    world.put("g1", turned, np.zeros(6))
     world.anchors.set(model, "lowest_foot")
     before = poses_of(model)
+    world.set_joint_positions("g1", legs(0.3))
+    root = model.root_poses[0].copy()
     for fraction in np.linspace(0.0, 1.0, 10):
         world.set_joint_positions("g1", legs(fraction))
         for foot in (LEFT, RIGHT):
             assert_poses_close(poses_of(model)[foot], before[foot], 1e-9)
     assert model.root_poses[0, 2] < UPRIGHT[2] - 0.05
+    world.set_joint_positions("g1", legs(0.3))
+    assert (model.root_poses[0] == root).all(), "the anchor has changed meanwhile"
 
 
 def test_a_walk_of_joints_goes_on_foot_by_foot_on_the_floor(world, model):
@@ -388,6 +399,63 @@ def test_feet_that_nobody_knows_and_bases_that_cannot_move_are_refused(world):
     world.spawn_urdf("f", fixed, UPRIGHT)
     with pytest.raises(InvalidValueError, match="fixed to the world"):
         world.anchors.set(world.model("f"), "b")
+
+
+def test_a_foot_on_a_fixed_joint_is_a_foot(world):
+    links = "".join(f'<link name="{name}"/>' for name in ("a", "shin", "foot"))
+    joints = (
+        '<joint name="j" type="continuous"><parent link="a"/><child link="shin"/>'
+        '</joint><joint name="f" type="fixed"><parent link="shin"/><child link="foot"/>'
+        '<origin xyz="0 1 -1"/></joint>'
+    )
+    text = f'<robot name="r">{links}{joints}</robot>'
+    profile = Profile(links={"right_foot": "foot", "left_foot": "nowhere"})
+    robot = replace(parse_urdf(text), given_profile=profile)
+    world.spawn("r", lump_fixed_joints(robot, is_dynamic=False), TILTED)
+    model = world.model("r")
+    before = poses_of(model, text)["foot"]
+    world.anchors.set(model, "lowest_foot")
+    world.set_joint_positions("r", {"j": 1.0})
+    assert_poses_close(poses_of(model, text)["foot"], before, 1e-9)
+    assert np.abs(model.root_poses[0] - TILTED).max() > 0.1
+
+
+def test_a_link_of_a_free_part_holds_that_part(world):
+    links = "".join(f'<link name="{name}"/>' for name in "abc")
+    joints = (
+        '<joint name="f" type="floating"><parent link="a"/><child link="b"/></joint>'
+        '<joint name="j" type="continuous"><parent link="b"/><child link="c"/>'
+        '<origin xyz="0 1 0"/></joint>'
+    )
+    world.spawn_urdf("r", f'<robot name="r">{links}{joints}</robot>', TILTED)
+    model = world.model("r")
+    world.anchors.set(model, "c")
+    before = dict(zip(model.link_names, model.poses.copy()))
+    world.set_joint_positions("r", {"j": 1.0})
+    after = dict(zip(model.link_names, model.poses))
+    assert_poses_close(after["c"], before["c"], 1e-12)
+    assert (after["a"] == before["a"]).all()
+    assert np.abs(after["b"] - before["b"]).max() > 0.1
+
+
+def test_the_shapes_of_feet_tell_which_one_is_lower(world):
+    """Two legs of the same length, one with a larger ball at its end."""
+    leg = (
+        '<link name="{0}"><collision><geometry><sphere radius="{1}"/></geometry>'
+        '</collision></link><joint name="{0}_leg" type="prismatic"><parent link="a"/>'
+        '<child link="{0}"/><axis xyz="0 0 -1"/><limit lower="0" upper="1" effort="1" '
+        'velocity="1"/></joint>'
+    )
+    legs = leg.format("left", 0.1) + leg.format("right", 0.3)
+    profile = Profile(links={"left_foot": "left", "right_foot": "right"})
+    robot = parse_urdf(f'<robot name="r"><link name="a"/>{legs}</robot>')
+    robot = replace(robot, given_profile=profile)
+    world.spawn("r", lump_fixed_joints(robot, is_dynamic=False), UPRIGHT)
+    model = world.model("r")
+    world.anchors.set(model, "lowest_foot")
+    for left, right, height in ((0.1, 0.0, 0.0), (0.1, 0.2, 0.2), (0.5, 0.2, 0.3)):
+        world.set_joint_positions("r", {"left_leg": left, "right_leg": right})
+        assert model.root_poses[0, 2] == pytest.approx(UPRIGHT[2] + height, abs=1e-12)
 
 
 @pytest.mark.parametrize("physics", ["hold", "limp"])

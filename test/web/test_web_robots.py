@@ -227,7 +227,7 @@ def test_an_anchor_stays_while_joints_move_on_the_page_too():
     moved = arm(robot)
     robot.take(ramp(1.0, 0.5), 1.2)
     assert_poses_close(arm(robot), moved, 1e-9)
-    with pytest.raises(G1DescriptionError, match="feet of a are unknown"):
+    with pytest.raises(G1DescriptionError, match="profile of a has no feet"):
         robot.set_anchor("lowest_foot")
     assert robot.anchor == "arm"
     robot.set_anchor("")

@@ -1,6 +1,6 @@
 """Playback of motions on a running robot, through its bridge.
 
-Calls: play_motion (g1_description/PlayMotion)
+Calls: play_motion (g1_description/PlayMotion), set_anchor (g1_description/SetAnchor)
 """
 
 from __future__ import annotations
@@ -91,6 +91,31 @@ class MotionClient:
         if not answer.success:
             raise RefusedError(f"The motion was refused: {answer.status_message}")
         return answer.start.to_nsec(), answer.status_message
+
+
+def set_anchor(service: rospy.ServiceProxy, link: str) -> str:
+    """Set the link of a robot that stays at its place while joints move.
+
+    Args:
+        service: The service ``set_anchor`` of its bridge.
+        link: A link, or ``lowest_foot``; empty: none.
+
+    Returns:
+        The anchor before; empty: none.
+
+    Raises:
+        RefusedError: If there is no such link, or physics is not ``kinematic``.
+        NoAnswerError: If the bridge does not answer.
+    """
+    try:
+        answer = service(link_name=link)
+    except (rospy.ServiceException, OSError) as error:
+        raise NoAnswerError(
+            f"{service.resolved_name} does not answer; is the bridge running? {error}"
+        ) from error
+    if not answer.success:
+        raise RefusedError(f"The anchor was refused: {answer.status_message}.")
+    return str(answer.previous)
 
 
 class PlayedRobot(Protocol):

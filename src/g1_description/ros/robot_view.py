@@ -16,9 +16,9 @@ from g1_description.robot.description import Description
 from g1_description.robot.state import RobotState
 from g1_description.ros.log import ThrottledLog
 from g1_description.ros.parameters import DESCRIPTION, read_robot, wait_for_parameter
-from g1_description.ros.playing import MotionClient
+from g1_description.ros.playing import MotionClient, set_anchor
 from g1_description.ros.robot_states import RobotStates
-from g1_description.ros.waiting import NoAnswerError, RefusedError, wait_until
+from g1_description.ros.waiting import NoAnswerError, wait_until
 from g1_description.srv import PlayMotion, SetAnchor
 
 MAP = "map"
@@ -237,24 +237,11 @@ class RobotView:
             NoAnswerError: If the bridge does not answer.
         """
         if link is not None:
-            self._anchor_before = self._anchor(link)
+            self._anchor_before = set_anchor(self._set_anchor, link)
         try:
             yield
         finally:
             self.restore_anchor()
-
-    def _anchor(self, link: str) -> str:
-        """Set the anchor; return that before."""
-        try:
-            answer = self._set_anchor(link_name=link)
-        except (rospy.ServiceException, OSError) as error:
-            name = self._set_anchor.resolved_name
-            raise NoAnswerError(
-                f"{name} does not answer; is the bridge running? {error}"
-            ) from error
-        if not answer.success:
-            raise RefusedError(f"The anchor was refused: {answer.status_message}.")
-        return answer.previous
 
     def restore_anchor(self) -> None:
         """Set the anchor as it was before ``anchored``, also before a shutdown.
@@ -264,7 +251,7 @@ class RobotView:
         """
         before, self._anchor_before = self._anchor_before, None
         if before is not None:
-            self._anchor(before)
+            set_anchor(self._set_anchor, before)
 
     def close(self) -> None:
         """Unsubscribe."""

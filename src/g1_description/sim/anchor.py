@@ -22,7 +22,6 @@ errors must not change the anchor of a robot that squats on both feet."""
 
 UP = np.array([0.0, 0.0, 1.0])
 
-
 FEET = ("left_foot", "right_foot")
 """Roles of the feet in a robot's profile."""
 
@@ -101,8 +100,9 @@ class Anchor:
 
 
 def _known_feet(model: Model) -> list[str]:
-    """Return the feet in the profile of a model."""
-    links = model.assembly.description.profile.links
+    """Return the feet in the profile of a model, which may be lumped links."""
+    robot = model.assembly.description
+    links = (robot.given_profile or robot.profile).links
     return [links[role] for role in FEET if role in links]
 
 
@@ -133,7 +133,7 @@ def _body(model: Model, link: str) -> str:
         names += [LOWEST_FOOT] if _known_feet(model) else []
         known = listed(similar_first(link, names))
         raise UnknownNameError(
-            f"{model.name} has no link '{link}'; known anchors: {known or 'none'}"
+            f"{model.name} has no link '{link}'; known anchors: {known}"
         )
     return body
 

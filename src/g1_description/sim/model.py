@@ -244,7 +244,7 @@ class Model:
         They are computed on demand: often the next step comes first.
         """
         now = self.root_poses, self.root_twists, self.position, self.velocity
-        self._links = partial(self._states, *map(np.array, now))
+        self._links = partial(self._states, *now)
 
     def _states(
         self,

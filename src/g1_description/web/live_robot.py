@@ -28,9 +28,8 @@ from g1_description.ros.conversions import pose_from_array
 from g1_description.ros.lifecycle import quiet_when_closing
 from g1_description.ros.log import ThrottledLog
 from g1_description.ros.master import SERVICE_ERRORS
-from g1_description.ros.playing import MotionClient
+from g1_description.ros.playing import MotionClient, set_anchor
 from g1_description.ros.robot_states import RobotStates
-from g1_description.ros.waiting import NoAnswerError, RefusedError
 from g1_description.srv import GetAnchor, PlayMotion, SetAnchor
 
 PERIOD = 0.01
@@ -167,14 +166,7 @@ class LiveRobot:
         """Set the link that stays at its place while joints move.
 
         Raises:
-            RefusedError: If there is no such link, or physics is not ``kinematic``.
-            NoAnswerError: If the bridge does not answer.
+            G1DescriptionError: If it is refused, or the bridge does not answer.
         """
-        try:
-            answer = self._set_anchor(link_name=link)
-        except SERVICE_ERRORS as error:
-            name = self._set_anchor.resolved_name
-            raise NoAnswerError(f"{name} does not answer: {error}") from error
-        if not answer.success:
-            raise RefusedError(f"The anchor was refused: {answer.status_message}.")
+        set_anchor(self._set_anchor, link)
         self.anchor = link
