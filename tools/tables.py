@@ -209,6 +209,13 @@ def with_block(text: str, name: str, block: str, marks: tuple[str, str]) -> str:
     return f"{before}{begin}{block}\n{end}{after}"
 
 
+def example(path: Path) -> str:
+    """Write an example and what it prints."""
+    output = path.parent / "output" / f"{path.stem}.txt"
+    printed = f"$ python3 {path.relative_to(ROOT)}\n{output.read_text()}"
+    return f"```python\n{path.read_text()}```\n\n```text\n{printed}```"
+
+
 def level_of(value: float | None) -> str:
     """Write a threshold; YAML 1.1 takes 1e-06 for a text."""
     text = "null" if value is None else repr(float(value))
@@ -276,6 +283,12 @@ def texts() -> dict[Path, str]:
         table = "\n".join([*head, *parameter_rows(kind)])
         text = with_block(text, node, table, ("<!-- ", " -->"))
     found[path] = text
+    path = ROOT / "docs" / "examples.md"
+    found[path] = path.read_text()
+    for file in sorted((ROOT / "examples").glob("*.py")):
+        found[path] = with_block(
+            found[path], file.stem, example(file), ("<!-- ", " -->")
+        )
     path = ROOT / "docs" / "checks.md"
     found[path] = with_block(found[path], "rules", rule_rows(), ("<!-- ", " -->"))
     path = ROOT / "config" / "checks.yaml"

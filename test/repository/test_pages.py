@@ -162,6 +162,65 @@ def missing_files(text):
     return [path for path in paths if not [*ROOT.glob(path.rstrip("/"))]]
 
 
+INPUT = re.compile(r"\.(csv|npz|npy|pkl|bag|ya?ml|urdf|xacro)$")
+"""Files that commands read."""
+
+OF_USERS = re.compile(r"(\$PWD/|\$ROS_\w+/)?my_|/path/to/|~/|\$\(|package://")
+"""How names of files begin that a page does not promise."""
+
+WRITES = {"--out", "-o", "--json", "--csv", "--html", "--write-selection", ">"}
+"""A file follows that the command writes."""
+
+
+def absent_inputs(text):
+    """List files that a page's commands read and that nobody has.
+
+    A file is there if it is in this repository, among its motions, or written by an
+    earlier command of the page.
+    """
+    found, written = [], set()
+    for words in commands(text):
+        before = ["", *words]
+        for option, word in zip(before, words):
+            name = word.partition(":=")[2] or word
+            if not INPUT.search(name) or OF_USERS.match(name):
+                continue
+            if option in (*WRITES, "record") or words[:2] == ["rosbag", "filter"]:
+                written.add(name)
+            elif name not in written and not any(
+                [*folder.glob(name)] for folder in (ROOT, ROOT / "motions")
+            ):
+                found.append(name)
+    return found
+
+
+@pytest.mark.parametrize("page", PAGES, ids=NAMES)
+def test_motions_and_models_in_commands_are_there(page):
+    assert absent_inputs(page.read_text(encoding="utf-8")) == []
+
+
+@pytest.mark.parametrize(
+    ("lines", "absent"),
+    [
+        ("rosrun g1_description play dance.csv", ["dance.csv"]),
+        ("rosrun g1_description play squat.csv", []),
+        ("roslaunch g1_description replay.launch motion:=dance.csv", ["dance.csv"]),
+        ("rosrun g1_description record a.csv\nrosrun g1_description play a.csv", []),
+        (
+            "rosrun g1_description play a.csv\nrosrun g1_description record a.csv",
+            ["a.csv"],
+        ),
+        ("rosrun g1_description check my_dance.csv", []),
+        (
+            "tools/joint_rates motions/squat.csv motions/dance.csv",
+            ["motions/dance.csv"],
+        ),
+    ],
+)
+def test_a_file_that_nobody_has_is_found(lines, absent):
+    assert absent_inputs(f"```bash\n{lines}\n```\n") == absent
+
+
 def test_the_readme_is_short():
     lines = (ROOT / "README.md").read_text(encoding="utf-8").splitlines()
     assert len(lines) <= 120
