@@ -104,6 +104,7 @@ class CheckOptions:
     fps: float | None = options.fps()
     topic: str | None = options.topic()
     order: str | None = options.order()
+    input_joint_order: str | None = options.input_joint_order()
     format: str | None = options.file_format()
     every: bool = option(
         "check all motions of files that have several", False, names=("--all",)
@@ -533,6 +534,7 @@ def file_checker(args: CheckOptions) -> FileChecker:
         args.topic,
         args.order,
         args.format,
+        args.input_joint_order,
         draw=FindingPictures(robot.description).draw if args.html else None,
     )
 

@@ -110,7 +110,9 @@ def read(path: Path, args: Reading, robot: Description) -> tuple[MotionSource, M
     Raises:
         MotionError: If it cannot be read.
     """
-    source = MotionSource(path, args.fps, args.topic, args.order)
+    source = MotionSource(
+        path, args.fps, args.topic, args.order, args.input_joint_order
+    )
     return source, read_source(source, robot, args.format, not args.reads_all)
 
 

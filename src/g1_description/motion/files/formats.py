@@ -40,7 +40,12 @@ from g1_description.motion.files import (
     table,
     trajectory_yaml,
 )
-from g1_description.motion.files.conventions import check_radians
+from g1_description.motion.files.conventions import (
+    ISAAC_LAB,
+    breadth_first,
+    check_radians,
+    with_endings,
+)
 from g1_description.motion.files.hints import hints
 from g1_description.motion.files.source import MAX_FILE_SIZE, MotionSource
 from g1_description.motion.motion import Motion, fitted
@@ -77,11 +82,17 @@ FORMATS: Mapping[str, ModuleType] = {
 """Formats by name. The first one that recognises a file reads it; a table is any other
 text."""
 
+ORDERS: Mapping[ModuleType, str] = {
+    **dict.fromkeys((beyond_mimic, hdmi, isaac_amp, keyframes, policy), "wxyz"),
+    **dict.fromkeys((pyroki, qpos, sonic, sonic_deploy), "wxyz"),
+    holomotion: "xyzw",
+}
+"""The order of quaternions by format, where all its publishers agree."""
+
 ORDER_OPEN = (
     *(table, npy_table, gmr, motion_library, phuma, amp_dataset, protomotions),
 )
-"""Formats of which publishers disagree on the order of quaternions, so that they read
-``order``."""
+"""Formats of which publishers disagree on it, so that the feet decide."""
 
 ENDINGS = tuple(
     sorted({ending for module in FORMATS.values() for ending in module.ENDINGS})
@@ -134,6 +145,7 @@ def read_motion(
     topic: str | None = None,
     order: str | None = None,
     name: str | None = None,
+    joint_order: str | None = None,
 ) -> Motion:
     """Read a motion of a robot from a file; its format is detected by content.
 
@@ -142,14 +154,17 @@ def read_motion(
         robot: The robot; joints that it does not have are ignored, with a note.
         rate: Samples per second of a file without times.
         topic: Topic of the joints in a bag; None: the usual one.
-        order: Of base quaternions that the format does not tell, xyzw or wxyz; None:
-            by the feet.
+        order: Of base quaternions in the file, xyzw or wxyz; None: that of the format,
+            or by the feet.
         name: Of the format, one of ``FORMATS``; None: found by content.
+        joint_order: Of joints without names, mujoco or isaaclab; None: that of the
+            format.
 
     Raises:
         MotionError: If the file cannot be read, or its motion does not fit the robot.
     """
-    return read_source(MotionSource(path, rate, topic, order), robot, name)
+    source = MotionSource(path, rate, topic, order, joint_order)
+    return read_source(source, robot, name)
 
 
 def read_source(
@@ -168,9 +183,10 @@ def read_source(
         if source.name is not None and not _names(module, source):
             raise MotionError("The file has no motions with names.")
         motion = module.read(source, robot)
-        if source.order is not None and module not in ORDER_OPEN:
-            ignored = "The format has one order of quaternions: --order is ignored."
-            motion = replace(motion, notes=(*motion.notes, ignored))
+        motion = with_endings(motion, robot)
+        motion = replace(
+            motion, notes=(*motion.notes, *_ignored(source, module, motion, robot))
+        )
         if source.rate is not None and motion.has_times:
             ignored = f"the rate of {source.rate:g} Hz is ignored"
             notes = (*motion.notes, f"The file has its own times: {ignored}.")
@@ -178,11 +194,28 @@ def read_source(
         motion = fitted(motion, robot) if fits else motion
         if module is not bag:  # ROS uses radians
             check_radians(motion, robot)
-            motion = replace(motion, notes=(*motion.notes, *hints(motion, robot)))
+            order = None if source.order else ORDERS.get(module)
+            found = hints(motion, robot, order, source.order is None)
+            motion = replace(motion, notes=(*motion.notes, *found))
     except MotionError as error:
         file = source.path.name + (f"#{source.name}" if source.name else "")
         raise type(error)(f"{file}: {error}") from error
     return motion
+
+
+def _ignored(
+    source: MotionSource, module: ModuleType, motion: Motion, robot: Description
+) -> Sequence[str]:
+    """Tell which options the file leaves no choice for."""
+    found = []
+    if source.order is not None and module not in (*ORDERS, *ORDER_OPEN):
+        found.append("The file has no quaternions in an order: --order is ignored.")
+    names = motion.joint_names
+    if source.joint_order == ISAAC_LAB and names != breadth_first(robot, names):
+        found.append(
+            "The file tells the order of its joints: --input-joint-order is ignored."
+        )
+    return found
 
 
 def motion_names(path: Path) -> Sequence[str]:

@@ -84,7 +84,7 @@ def read_arrays(
     named = [arrays.names(key) for key in NAMES if key in arrays]
     notes: tuple[str, ...] = ()
     if not named:
-        names, notes = names_of_columns(positions, robot)
+        names, notes = names_of_columns(source, positions, robot)
     elif len(named[0]) == n_joints:
         names = named[0]
     else:

@@ -17,6 +17,7 @@ import numpy as np
 
 from g1_description.errors import MotionError
 from g1_description.motion.files.conventions import (
+    base_of,
     names_of_columns,
     read_velocities,
 )
@@ -68,8 +69,8 @@ def read(source: MotionSource, robot: Description) -> Motion:
     velocities = read_velocities(arrays, name, positions)
     metadata = parsed(str(arrays[METADATA]), METADATA)
     times, of_times = metadata.times(len(positions), "motion_fps")
-    joints, notes = names_of_columns(positions, robot)
-    base = np.concatenate([places, turns], axis=1)
+    joints, notes = names_of_columns(source, positions, robot)
+    base = base_of(places, turns, source.order or "xyzw")
     return Motion(times, joints, positions, velocities, base, (*notes, *of_times))
 
 

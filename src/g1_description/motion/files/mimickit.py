@@ -38,7 +38,7 @@ def read(source: MotionSource, robot: Description) -> Motion:
     frames = table(source.arrays["frames"], "frames")
     if frames.shape[1] < N_BASE:
         raise MotionError(f"A frame must have at least {N_BASE} numbers.")
-    names, notes = names_of_columns(frames[:, N_BASE:], robot)
+    names, notes = names_of_columns(source, frames[:, N_BASE:], robot)
     times, of_times = source.arrays.times(len(frames))
     base = np.concatenate([frames[:, :3], from_rotation_vector(frames[:, 3:6])], axis=1)
     positions = frames[:, N_BASE:]

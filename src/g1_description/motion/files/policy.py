@@ -88,7 +88,7 @@ def read(source: MotionSource, robot: Description) -> Motion:
     places = arrays.numbers(PLACES, *shape, 3)[:, root]
     turns = arrays.numbers(TURNS, *shape, 4)[:, root]
     velocities = read_velocities(arrays, VELOCITIES, positions)
-    base = base_of(places, turns)
+    base = base_of(places, turns, source.order)
     motion = Motion(np.arange(len(positions)), joints, positions, velocities, base)
     return source.timed(motion, RATE, "the rate of such policies")
 

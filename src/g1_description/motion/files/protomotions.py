@@ -75,7 +75,7 @@ def read(source: MotionSource, robot: Description) -> Motion:
     if not places.shape[1]:
         raise MotionError(f"{keys[1]} must have at least one body, the root.")
     base = np.concatenate([places[:, 0], turns[:, 0]], axis=1)
-    joints, notes = names_of_columns(positions, robot)
+    joints, notes = names_of_columns(source, positions, robot)
     if "control_dt" in arrays:
         arrays = Arrays({**arrays, "fps": _rate(arrays.numbers("control_dt"))})
     times, of_times = arrays.times(n_samples)

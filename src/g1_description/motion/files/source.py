@@ -6,7 +6,6 @@ import bz2
 import io
 import json
 import lzma
-import re
 import stat
 import zlib
 from collections.abc import Iterator, Sequence
@@ -14,15 +13,15 @@ from dataclasses import replace
 from functools import cached_property, lru_cache, partial
 from pathlib import Path
 from types import ModuleType
-from typing import Any, Callable, Mapping
+from typing import IO, Any, Callable, Mapping
 
 import numpy as np
 
 from g1_description.errors import MotionError, cause
-from g1_description.motion.files.pickles import PICKLE, read_pickle
+from g1_description.motion.files.pickles import PICKLE, read_pickle, read_pickled
 from g1_description.motion.files.torch_files import is_torch, read_torch
 from g1_description.motion.motion import Motion
-from g1_description.motion.paths import split
+from g1_description.motion.paths import rate_in, split
 from g1_description.text import MAX_NAME, listed
 
 MAX_FILE_SIZE = 200_000_000
@@ -66,12 +65,6 @@ COMPRESSED: Mapping[bytes, Callable[[], Any]] = {
     ),
 }
 """Decompressors by first bytes: of zlib, gzip, bz2, xz and lzma."""
-
-RATE_IN_NAME = re.compile(
-    r"_(?=\d{1,6}_?hz|\d{1,3}_jpos)0*([1-9]\d*)(?:_?hz|_jpos)(?![a-z0-9])",
-    re.IGNORECASE,
-)
-"""A rate in the name of a file, such as ``walk.bvh_60hz.csv``."""
 
 GIT_LFS = "version https://git-lfs."
 
@@ -136,7 +129,7 @@ class Arrays(Mapping[str, Any]):
     def names(self, name: str) -> tuple[str, ...]:
         """Read a list of names."""
         names = self[name]
-        if isinstance(names, np.ndarray) and names.dtype.kind == "U":
+        if isinstance(names, np.ndarray) and names.dtype.kind in "US":
             names = _texts(names)
         if not isinstance(names, (list, tuple)) or not all(
             isinstance(item, str) for item in names
@@ -197,13 +190,15 @@ class Arrays(Mapping[str, Any]):
 class _Npz(Arrays):
     """Arrays of an npz, read when they are asked for."""
 
+    def __contains__(self, name: object) -> bool:
+        return name in self._values.files  # type: ignore[attr-defined]
+
     def __getitem__(self, name: str) -> Any:
         try:
             size = self._values.zip.getinfo(f"{name}.npy").file_size  # type: ignore[attr-defined]
             if size <= MAX_BYTES:
                 with self._values.zip.open(f"{name}.npy") as file:  # type: ignore[attr-defined]
-                    _check_header(file.read(12))
-                return self._values[name]
+                    return _array(file)
         except MotionError:
             raise
         # Any error of zipfile or numpy on a damaged file.
@@ -227,6 +222,7 @@ class MotionSource:
         rate: float | None = None,
         topic: str | None = None,
         order: str | None = None,
+        joint_order: str | None = None,
     ) -> None:
         self.path, self.name = split(path)
         """The file or folder, and which of its motions; None: it must have one."""
@@ -236,7 +232,9 @@ class MotionSource:
         self.topic = topic
         """Topic of the joints in a bag; None: the usual one."""
         self.order = order
-        """Of base quaternions where the format does not tell: xyzw or wxyz."""
+        """Of the base's quaternions: xyzw or wxyz; None: that of the format."""
+        self.joint_order = joint_order
+        """Of joints without names: mujoco or isaaclab; None: that of the format."""
         self.format: ModuleType | None = None
         """Its format, once it is found."""
         self.is_folder = self.path.is_dir()
@@ -349,6 +347,11 @@ class MotionSource:
             f"'{self.path.name}#{names[0][:MAX_NAME]}' (check and motion: --all)."
         )
 
+    @property
+    def told_rate(self) -> float | None:
+        """The rate that the user or the name of the file tells, in [Hz]; None: none."""
+        return self.rate or rate_in(self.path)
+
     def timed(self, motion: Motion, usual: float, why: str) -> Motion:
         """Give times to the samples of a file without a rate.
 
@@ -360,8 +363,8 @@ class MotionSource:
         """
         rate, notes = self.rate, motion.notes
         if rate is None:
-            named = RATE_IN_NAME.search(self.path.stem)
-            rate, why = (float(named[1]), "as its name says") if named else (usual, why)
+            named = rate_in(self.path)
+            rate, why = (named, "as its name says") if named else (usual, why)
             notes = (f"The file has no times; assuming {rate:g} Hz, {why}.", *notes)
         times = np.arange(len(motion.times)) / rate
         return replace(motion, times=times, notes=notes, has_times=False)
@@ -400,7 +403,7 @@ def parsed(text: str | None, what: str) -> Arrays:
 def _texts(array: np.ndarray) -> Any:
     """Return an array of text as a list; None if it is none."""
     try:
-        return array.tolist() if array.ndim == 1 else None
+        return array.astype("U").tolist() if array.ndim == 1 else None
     except ValueError:  # not all numbers are characters
         return None
 
@@ -420,22 +423,25 @@ def _decompressed(data: bytes, decompressor: Any) -> bytes:
 
 def _npy(content: bytes) -> Arrays:
     """Read an npy: an array, or a pickled dictionary."""
-    _check_header(content[:12])
-    stream = io.BytesIO(content)
-    version = np.lib.format.read_magic(stream)
-    header = np.lib.format.read_array_header_1_0
-    if version != (1, 0):
-        header = np.lib.format.read_array_header_2_0
-    if header(stream)[2].hasobject:
-        return Arrays(read_pickle(content[stream.tell() :]))
-    return Arrays({NPY: np.load(io.BytesIO(content), allow_pickle=False)})
+    found = _array(io.BytesIO(content))
+    return Arrays(found if isinstance(found, dict) else {NPY: found})
 
 
-def _check_header(begin: bytes) -> None:
-    """Check the length of an array's header, given the first bytes of the array."""
+def _array(stream: IO[bytes]) -> Any:
+    """Read an array, or what is pickled in its place."""
+    begin = stream.read(12)
     last = 10 if begin[6:7] == b"\x01" else 12
     if int.from_bytes(begin[8:last], "little") > MAX_HEADER:
         raise MotionError(f"The header of an array has more than {MAX_HEADER} bytes.")
+    content = io.BytesIO(begin + stream.read())
+    version = np.lib.format.read_magic(content)
+    header = np.lib.format.read_array_header_1_0
+    if version != (1, 0):
+        header = np.lib.format.read_array_header_2_0
+    if header(content)[2].hasobject:
+        return read_pickled(content.read())
+    content.seek(0)
+    return np.load(content, allow_pickle=False)
 
 
 def _damaged(error: Exception) -> MotionError:

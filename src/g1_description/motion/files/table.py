@@ -124,7 +124,7 @@ def unnamed(
             cannot be told.
     """
     base, positions = values[:, : len(BASE)], values[:, len(BASE) :]
-    joints, notes = names_of_columns(positions, robot)
+    joints, notes = names_of_columns(source, positions, robot)
     times = np.arange(len(values), dtype=float)
     motion = Motion(times, joints, positions, base_poses=base, notes=notes)
     motion = w_last(motion, robot, source.order)
