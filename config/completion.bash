@@ -18,11 +18,11 @@ _g1_description_poses() {
 # motion, and the links of the doctor; tools/tables writes them.
 declare -gA _g1_description_options
 # table of commands
-_g1_description_options[check]="--against --all --collisions --csv --dask --fixed-base --format --fps --help --html --jobs --json --model --no-visual-hulls --only --order --physics --plot --quiet --selection --shift --thresholds --topic --watch --write-selection"
+_g1_description_options[check]="--against --all --collisions --csv --dask --fixed-base --format --fps --help --html --input-joint-order --jobs --json --model --no-visual-hulls --only --order --physics --plot --quiet --selection --shift --thresholds --topic --watch --write-selection"
 _g1_description_options[collision_pairs]="--help --out --samples --seed"
 _g1_description_options[doctor]="--help --json --namespace --until"
 _g1_description_options[import_model]="--convex-collisions --decimate --force --help --keep-missing --out --tolerance"
-_g1_description_options[motion]="--all --begin --blend --duration --end --fastest --force --format --fps --from --help --jobs --joint-order --joints --json --model --names --order --out --rate --seconds --selection --speed --stay --to --topic --until"
+_g1_description_options[motion]="--all --begin --blend --duration --end --fastest --force --format --fps --from --help --input-joint-order --jobs --joint-order --joints --json --model --names --order --out --rate --seconds --selection --speed --stay --to --topic --until"
 _g1_description_options[play]="--base-frame --format --fps --from --help --lead-in --loop --namespace --on-floor --order --speed --start-here --to --topic"
 _g1_description_options[pose]="--about --file --force --help --list --namespace --save --seconds"
 _g1_description_options[record]="--force --gazebo --help --model --namespace --rate --seconds"

@@ -103,6 +103,17 @@ def test_the_command_web_reads_the_file_of_defaults(defaults):
         web.web(web.WebOptions())
 
 
+def test_a_rule_may_be_over_the_worst_size_of_a_check(tmp_path):
+    """Of a joint that is 0.5 rad beyond its limit; and of notes that it has none."""
+    file = tmp_path / "checks.yaml"
+    file.write_text(
+        "position.worst > 0.4: exclude\nposition.worst > 0.6: exclude\n"
+        "velocity.worst > 0: exclude\nnotes < 9: exclude\n"
+    )
+    verdict = Robot(POST).check(post_motion(reach=1.5, seconds=4.0), thresholds=file)
+    assert verdict.excluded_by == ("position.worst > 0.4", "notes < 9")
+
+
 def test_a_rule_excludes_a_motion_by_a_figure(tmp_path):
     file = tmp_path / "checks.yaml"
     file.write_text(

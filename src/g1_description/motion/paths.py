@@ -45,6 +45,22 @@ def _rates(stem: str) -> list[tuple[slice, slice]]:
     ]
 
 
+def plain(name: str) -> str:
+    """Return what the names of a motion have in common when it is converted.
+
+    Its extension and its rate change, and ``FILE#NAME`` becomes a file in a folder.
+    """
+    file, _, part = name.partition("#")
+    stem = re.sub(r"\.[A-Za-z]+$", "", file)
+    stem = RATE_IN_NAME.sub("", stem).strip(" _-") or stem
+    return f"{stem}/{as_file(part)}" if part else stem
+
+
+def as_file(name: str) -> str:
+    """Return the name of a motion in a file as that of a file of its own."""
+    return re.sub(r"[^\w.+-]+", "_", name).strip(".")
+
+
 def split(path: Path) -> tuple[Path, str | None]:
     """Split ``FILE#NAME``, which names one of the motions in a file.
 

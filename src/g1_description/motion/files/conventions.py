@@ -12,7 +12,8 @@ from dataclasses import replace
 import numpy as np
 
 from g1_description.errors import MotionError
-from g1_description.motion.files.source import Arrays, MotionSource
+from g1_description.motion.files.arrays import Arrays
+from g1_description.motion.files.source import MotionSource
 from g1_description.motion.motion import Motion
 from g1_description.robot.assembly import WORLD
 from g1_description.robot.description import Description, Joint

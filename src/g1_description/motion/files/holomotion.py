@@ -16,12 +16,13 @@ import json
 import numpy as np
 
 from g1_description.errors import MotionError
+from g1_description.motion.files.arrays import Arrays
 from g1_description.motion.files.conventions import (
     base_of,
     names_of_columns,
     read_velocities,
 )
-from g1_description.motion.files.source import Arrays, MotionSource, parsed
+from g1_description.motion.files.source import MotionSource, parsed
 from g1_description.motion.files.writing import bodies, npz, prepared, velocities_of
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
@@ -99,8 +100,8 @@ def write(
     n_samples, n_joints = found.positions.shape
     metadata = {
         "format_version": VERSION,
-        "motion_key": "motion",
-        "raw_motion_key": "motion",
+        "motion_key": motion.name or "motion",
+        "raw_motion_key": motion.name or "motion",
         "motion_fps": fps,
         "num_frames": n_samples,
         "wallclock_len": (n_samples - 1) / fps,

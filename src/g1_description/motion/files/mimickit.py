@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 
 from g1_description.errors import MotionError
+from g1_description.motion.files.arrays import MAX_SIZE, Arrays
 from g1_description.motion.files.conventions import names_of_columns
-from g1_description.motion.files.source import MAX_SIZE, Arrays, MotionSource
+from g1_description.motion.files.source import MotionSource
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.robot.rotation import from_rotation_vector

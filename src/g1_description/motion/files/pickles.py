@@ -277,7 +277,8 @@ def read_pickled(data: bytes, reader: Callable[[bytes], Unpickler] = Unpickler) 
     # Any error of numpy or Python on a damaged file.
     except Exception as error:
         is_cut = isinstance(error, (EOFError, struct.error))
-        if is_cut or "truncated" in str(error):  # of Python's unpickler
+        words = ("truncated", "exhausted")  # of Python's unpickler
+        if is_cut or any(word in str(error) for word in words):
             raise MotionError("The pickle ends too early.") from error
         raise MotionError(f"The pickle cannot be read: {cause(error)}.") from error
 

@@ -17,12 +17,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from g1_description.errors import MotionError
+from g1_description.motion.files.arrays import Arrays
 from g1_description.motion.files.conventions import (
     names_of_columns,
     read_velocities,
     w_last,
 )
-from g1_description.motion.files.source import Arrays, MotionSource
+from g1_description.motion.files.source import MotionSource
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 

@@ -21,13 +21,14 @@ from pathlib import Path
 import numpy as np
 
 from g1_description.errors import MotionError
+from g1_description.motion.files.arrays import Arrays
 from g1_description.motion.files.conventions import (
     base_of,
     known,
     layouts,
     names_of_columns,
 )
-from g1_description.motion.files.source import Arrays, MotionSource, parsed
+from g1_description.motion.files.source import MotionSource, parsed
 from g1_description.motion.files.writing import npz, number, prepared
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
