@@ -1,10 +1,12 @@
 """Files of thresholds, and what is wrong with some."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from checked import POST, post_motion
+from conftest import VENDOR
 
 from g1_description import Robot
 from g1_description.checks import thresholds_file as module
@@ -101,6 +103,24 @@ def test_the_command_web_reads_the_file_of_defaults(defaults):
     defaults.write_text("position: {failure: x}\n")
     with pytest.raises(ThresholdError, match=r"share/config/checks\.yaml: position"):
         web.web(web.WebOptions())
+
+
+@pytest.mark.parametrize("clip", ["B_HandsUp", "M_ShortMove13"])
+def test_published_clips_pass_what_is_shipped_for_retargeted_motions(clip):
+    """The worst and the calmest; with the usual thresholds both fail."""
+    path = VENDOR.parents[1] / "motions" / f"{clip}.csv"
+    if not path.exists():
+        pytest.skip("the motions of others are not beside the repository")
+    robot = Robot()
+    motion = robot.read_motion(path, 60.0)
+    file = SHIPPED.with_name("checks_retargeted.yaml")
+    verdict = robot.check(motion, thresholds=file)
+    assert verdict.passed
+    assert verdict.excluded_by == ()
+    assert not robot.check(motion).passed
+    high = replace(motion, base_poses=motion.base_poses + np.eye(7)[2] * 0.3)
+    excluded = robot.check(high, thresholds=file).excluded_by
+    assert "lowest_height > 0.1" in excluded
 
 
 def test_a_rule_may_be_over_the_worst_size_of_a_check(tmp_path):
