@@ -34,7 +34,7 @@ def requirements():
 
 def data_files():
     """List files by the folder that they are installed in."""
-    folders = ("config", "meshes", "urdf")
+    folders = ("config", "meshes", "motions", "urdf")
     below = [path for name in folders for path in sorted(Path(name).rglob("*"))]
     files = [Path("package.xml"), *(path for path in below if path.is_file())]
     return [(str(SHARE / path.parent), [str(path)]) for path in files]

@@ -1,10 +1,18 @@
 """What all tests share: repeatable random tests, and the robots they use."""
 
+import atexit
+import os
+import shutil
+import tempfile
 from pathlib import Path
 
 from g1_description.threads import one_thread
 
 one_thread()  # as our programs do, before anything imports numpy
+
+if "ROS_HOME" not in os.environ:  # no profile, pose or pair of the user's
+    os.environ["ROS_HOME"] = tempfile.mkdtemp()
+    atexit.register(shutil.rmtree, os.environ["ROS_HOME"])
 
 import pytest  # noqa: E402
 from hypothesis import settings  # noqa: E402
@@ -27,6 +35,7 @@ settings.register_profile(
 settings.load_profile("repeatable")
 
 REPOSITORY = Path(__file__).resolve().parents[1]
+PROFILE = REPOSITORY / "config" / "robots" / "g1_29dof"
 VENDOR = REPOSITORY.parent / "shared" / "data" / "unitree_g1" / "g1_29dof.urdf"
 
 

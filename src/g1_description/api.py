@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from os import PathLike, fspath
 from pathlib import Path
@@ -14,7 +15,6 @@ from g1_description.bounds import NORM_TOLERANCE
 from g1_description.checks.thresholds import Thresholds
 from g1_description.errors import (
     DescriptionError,
-    G1DescriptionError,
     InvalidValueError,
     MotionError,
     UnknownNameError,
@@ -23,7 +23,6 @@ from g1_description.motion.files.conventions import JOINT_ORDERS
 from g1_description.motion.files.formats import read_motion, write_motion
 from g1_description.motion.mirror import mirrored
 from g1_description.motion.motion import UNIT_TOLERANCE, Motion, fitted
-from g1_description.motion.motors import g1_motors
 from g1_description.robot.assembly import WORLD, base_of, root_in_base
 from g1_description.robot.description import Joint
 from g1_description.robot.dynamics import (
@@ -33,15 +32,17 @@ from g1_description.robot.dynamics import (
     link_jacobian,
 )
 from g1_description.robot.kinematics import Kinematics
-from g1_description.robot.load import absolute_urdf
+from g1_description.robot.load import read_description
 from g1_description.robot.poses import (
     ZERO,
     Pose,
     check_pose,
     find_pose,
+    fits,
     pose_positions,
     read_poses,
 )
+from g1_description.robot.profile import DEFAULT
 from g1_description.robot.rotation import cross, normalized
 from g1_description.robot.transform import IDENTITY, compose
 from g1_description.robot.urdf import parse_urdf
@@ -54,9 +55,6 @@ if TYPE_CHECKING:
     from g1_description.checks.comparison import Comparison
     from g1_description.checks.verdict import Verdict
     from g1_description.collisions.self_collisions import Contacts, SelfCollisions
-
-MODEL = "package://g1_description/urdf/g1_29dof.urdf"
-"""The robot of this package."""
 
 Seed = Union[int, np.random.Generator, None]
 
@@ -79,22 +77,36 @@ class Robot:
     world's origin.
     """
 
-    def __init__(self, model: str | PathLike[str] = MODEL) -> None:
+    def __init__(
+        self,
+        model: str | PathLike[str] = DEFAULT,
+        motors: str | PathLike[str] | None = None,
+        collisions: str | PathLike[str] | None = None,
+    ) -> None:
         """Read a robot.
 
         Args:
-            model: URDF or xacro file, as a path, ``package://PACKAGE/PATH`` or
-                ``file://``, optionally followed by arguments for xacro, as in
-                ``robot.xacro hand=true``; or the text of a URDF, such as the parameter
-                robot_description.
+            model: A profile, by its name or folder; a URDF or xacro file, as a path,
+                ``package://PACKAGE/PATH`` or ``file://``, optionally followed by
+                arguments for xacro, as in ``robot.xacro hand=true``; or the text of a
+                URDF, such as the parameter robot_description.
+            motors: File of its motors; None: those of its profile.
+            collisions: File of its allowed collisions; None: those of its profile.
 
         Raises:
             DescriptionError: If the file cannot be read, or is not a robot.
         """
         name = fspath(model)
-        text = name if name.lstrip().startswith("<") else absolute_urdf(name)
-        self.description = parse_urdf(text)
+        is_text = name.lstrip().startswith("<")
+        found = parse_urdf(name) if is_text else read_description(name)
+        if motors is not None:
+            profile = replace(found.profile, motors=Path(motors).expanduser())
+            found = replace(found, given_profile=profile)
+        self.description = found
         """Links and joints, as read from the file."""
+        self.profile = found.profile
+        """Names of its feet, hands and head, and its further files."""
+        self._allowed = None if collisions is None else Path(collisions).expanduser()
         joints = self.description.movable_joints
         self.name = self.description.name
         self.joint_names = tuple(joint.name for joint in joints)
@@ -125,16 +137,19 @@ class Robot:
     @property
     def pose_names(self) -> tuple[str, ...]:
         """Names of the poses that fit this robot, the user's own included."""
-        return tuple(n for n, pose in read_poses().items() if self._can_take(pose))
+        poses = read_poses(self.description)
+        return tuple(n for n, pose in poses.items() if fits(pose, self.description))
 
     def pose(self, name: str) -> np.ndarray:
         """Return the positions of a named pose, shape (n_joints,).
+
+        ``pose(profile.standing_pose)`` is that in which the robot stands.
 
         Raises:
             UnknownNameError: If there is no such pose, or it has unknown joints.
             InvalidValueError: If a position is outside the limits.
         """
-        pose = find_pose(name, read_poses())
+        pose = find_pose(name, read_poses(self.description))
         check_pose(pose, self.description)
         return pose_positions(pose, self.description)
 
@@ -542,33 +557,33 @@ class Robot:
         self,
         thresholds: ThresholdValues = None,
         fixed_base: bool = False,
-        collisions: SelfCollisions | None = None,
         physics: bool = False,
+        visual_hulls: bool = True,
     ) -> Checker:
         """Create a checker for many motions.
 
         Args:
             thresholds: As for ``check``.
             fixed_base: Whether the base is fixed, so that efforts are determined.
-            collisions: Shapes and allowed pairs of the robot; by default those of the
-                G1, or estimated pairs for another robot.
-            physics: Whether motions are also simulated, with the G1's motors.
+            physics: Whether motions are also simulated, with the robot's motors.
+            visual_hulls: Whether links without collision shapes use the convex hulls of
+                their visuals.
 
         Raises:
             G1DescriptionError: If a file cannot be read, or a threshold is unknown.
         """
-        is_usual = thresholds is None and collisions is None
-        if is_usual and not (fixed_base or physics):
+        if thresholds is None and visual_hulls and not (fixed_base or physics):
             return self._usual_checker
         from g1_description.checks.checker import Checker
         from g1_description.sim.rollout import Conditions
 
         conditions = None
         if physics:
-            conditions = Conditions(
-                motors=g1_motors(), fixed_base=fixed_base, stops_at_fall=True
-            )
-        shapes = collisions or self._usual_checker.collisions
+            conditions = Conditions(fixed_base=fixed_base, stops_at_fall=True)
+        if visual_hulls:
+            shapes = self._usual_checker.collisions
+        else:
+            shapes = self._shapes(visual_hulls)
         limits = _thresholds(thresholds)
         return Checker(self.description, limits, fixed_base, shapes, conditions)
 
@@ -621,14 +636,6 @@ class Robot:
         lower, upper = np.array(rows).reshape(-1, 2).T
         return lower, upper
 
-    def _can_take(self, pose: Pose) -> bool:
-        """Return whether a pose fits the robot."""
-        try:
-            check_pose(pose, self.description)
-        except G1DescriptionError:
-            return False
-        return True
-
     @cached_property
     def _kinematics(self) -> Kinematics:
         return Kinematics(self.description)
@@ -661,7 +668,13 @@ class Robot:
         # Imported late: PyBullet and scipy are slow, and most programs check nothing.
         from g1_description.checks.checker import Checker
 
-        return Checker(self.description)
+        return Checker(self.description, collisions=self._shapes())
+
+    def _shapes(self, visual_hulls: bool = True) -> SelfCollisions:
+        """Prepare the self-collisions."""
+        from g1_description.collisions.find_pairs import collisions_of
+
+        return collisions_of(self.description, self._allowed, visual_hulls)
 
 
 def as_array(

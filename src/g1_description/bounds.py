@@ -49,7 +49,7 @@ def position_limits(owner: str, lower: float, upper: float) -> tuple[float, floa
     Gazebo's ODE ignores both limits if the lower one is above the upper one.
 
     Args:
-        owner: The joint, for the message: "joint left_elbow_joint".
+        owner: The joint, for the message: "joint left_elbow".
         lower: In [rad] or [m], as the file has it.
         upper: Likewise.
 

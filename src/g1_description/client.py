@@ -3,7 +3,8 @@
 Calls: step_model (g1_description/StepModel), set_model_trajectory
     (g1_description/SetModelTrajectory), get_physics_properties
     (gazebo_msgs/GetPhysicsProperties), pause_physics, unpause_physics and
-    reset_simulation (std_srvs/Empty) of the simulator
+    reset_simulation (std_srvs/Empty), set_anchor (g1_description/SetAnchor) of the
+    simulator
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ from g1_description.ros.waiting import (
     RefusedError,
     wait_until,
 )
-from g1_description.srv import SetModelTrajectory, StepModel
+from g1_description.srv import SetAnchor, SetModelTrajectory, StepModel
 
 MOST = (1 << 32) - 1
 """Largest uint32."""
@@ -327,6 +328,24 @@ class Client:
             np.array([state.velocities for state in states]),
             np.array([state.base for state in states]),
         )
+
+    def anchor(self, link: str = "") -> str:
+        """Keep a link at its place while joints move; the base follows.
+
+        Args:
+            link: A link, or ``lowest_foot`` for the lower one of the feet; empty: none.
+
+        Returns:
+            The anchor before; empty: none.
+
+        Raises:
+            G1DescriptionError: If there is no such link, or physics is not
+                ``kinematic``.
+        """
+        answer = self._services.checked(
+            "set_anchor", SetAnchor, model_name=self._model, link_name=link
+        )
+        return answer.previous
 
     def reset(self) -> SteppedState:
         """Reset the simulation: time zero, models as spawned.

@@ -19,6 +19,10 @@ class NoSuchModelError(DescriptionError):
     """There is no model where one is looked for."""
 
 
+class ProfileError(DescriptionError):
+    """A robot's profile cannot be read, or holds something else."""
+
+
 class PoseFileError(G1DescriptionError):
     """A file of poses cannot be read, or holds something else."""
 
@@ -31,7 +35,7 @@ class NoMotionError(MotionError):
     """A file holds something else, such as parameters or a list of files."""
 
 
-class MotorFileError(G1DescriptionError):
+class MotorFileError(DescriptionError):
     """A file of motors cannot be read, or holds something else."""
 
 

@@ -31,7 +31,8 @@ from g1_description.sim.engine import PhysicsProperties  # noqa: E402
     ],
 )
 def test_static_frames_come_from_the_robot(links, edges):
-    found = static_edges(BridgeParameters(), robot(*links))
+    parameters = BridgeParameters(imu_link="imu_in_torso")
+    found = static_edges(parameters, robot(*links))
     assert [" ".join(edge) for edge in found] == edges
 
 
@@ -66,7 +67,8 @@ def test_what_floats_in_the_world_moves_in_the_map():
 
 
 def test_frames_of_a_robot_with_a_prefix_keep_world_and_map():
-    edges = static_edges(BridgeParameters(), robot("pelvis", "imu_in_torso"), "a/")
+    parameters = BridgeParameters(imu_link="imu_in_torso")
+    edges = static_edges(parameters, robot("pelvis", "imu_in_torso"), "a/")
     assert edges == [
         ("world", "map"),
         ("a/base_link", "a/pelvis"),

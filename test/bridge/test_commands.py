@@ -44,6 +44,7 @@ def tally(*commands):
         (["knee", "wheel"], [0.1, -INF], {"knee": 0.1}, "wheel = -inf"),
         ([], [], {}, "has no joint names"),
         ([""], [1.0], {}, "unknown joint ''"),
+        (["kne"], [1.0], {}, "unknown joint kne (did you mean knee?)"),
     ],
 )
 def test_each_fault_is_named_and_the_rest_obeyed(names, positions, accepted, problem):

@@ -1,12 +1,20 @@
 """Findings of one cause, together."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from g1_description.api import Robot
-from g1_description.checks.causes import BY_LIMBS, BY_TIME, limbs_of, with_causes
+from g1_description.checks.causes import (
+    BY_LIMBS,
+    BY_TIME,
+    cause_text,
+    with_causes,
+    worst_of,
+)
 from g1_description.checks.verdict import Finding
+from g1_description.robot.assembly import limbs_of
 
 
 def finding(check, subject, *intervals):
@@ -81,3 +89,18 @@ def test_joints_that_jump_together_have_one_cause_and_limits_have_none():
     limits = [finding("position", (n,), (2.0, 2.1)) for n in ("a", "b")]
     found = with_causes([*jumps, *limits], GROUPING, LIMBS)
     assert [f.cause for f in found] == [0, 0, 0, 1, 2]
+
+
+def test_six_faults_are_six_causes():
+    robot = Robot()
+    verdict = robot.check(Path(__file__).parents[2] / "motions" / "faulty.csv")
+    found = [worst_of(findings) for findings in verdict.causes]
+    checks = [finding.check for finding in found if finding.severity == "failed"]
+    assert checks == [
+        *("velocity", "self_collision", "position"),
+        *("skating", "penetration", "center_of_mass"),
+    ]
+    assert len(verdict.findings) > len(found)
+    texts = [cause_text(findings) for findings in verdict.causes]
+    assert texts[3].endswith(", also right_ankle_roll_link")
+    assert texts[1].endswith(" more pairs")

@@ -11,7 +11,6 @@ from scipy.spatial import ConvexHull
 from g1_description.checks.checker import Checker
 from g1_description.checks.thresholds import Level, Thresholds
 from g1_description.checks.thresholds_file import with_thresholds
-from g1_description.collisions import find_pairs
 from g1_description.collisions.find_pairs import collisions_of
 from g1_description.errors import (
     AllowedPairsError,
@@ -371,14 +370,13 @@ def test_feet_as_deep_as_a_retargeter_puts_them_are_no_finding(depth, found):
     assert len(verdict.findings) == found
 
 
-def test_a_damaged_file_of_pairs_is_told(tmp_path, monkeypatch):
+def test_a_damaged_file_of_pairs_is_told(tmp_path):
     """Its robot is not taken for another one, whose pairs are found at random."""
-    file = tmp_path / find_pairs.G1_PAIRS
-    file.parent.mkdir()
-    file.write_text((MODEL.parents[1] / find_pairs.G1_PAIRS).read_text()[:2000])
-    monkeypatch.setattr(find_pairs, "share_folder", lambda: tmp_path)
-    with pytest.raises(AllowedPairsError, match=r"config/collisions_g1\.yaml: "):
-        Checker(ROBOT)
+    file = tmp_path / "collisions.yaml"
+    file.write_text(ROBOT.profile.collisions.read_text()[:2000])
+    damaged = replace(ROBOT.profile, collisions=file)
+    with pytest.raises(AllowedPairsError, match=r"/collisions\.yaml: "):
+        Checker(replace(ROBOT, given_profile=damaged))
 
 
 def test_a_limit_of_zero_is_unknown():

@@ -279,7 +279,7 @@ def test_the_table_says_what_was_found():
     assert lines[0] == "a.csv: failed, 3.00 s, 91 samples"
     words = [" ".join(line.split()) for line in lines]
     assert words[1] == "check finding first at share of time"
-    assert words[2] == "failed position elbow, and 1 more joint 1.250 s 50.0 %"
+    assert words[2] == "failed position elbow, also elbow 1.250 s 50.0 %"
     assert words[3] == "warning fall far 1.250 s"
     assert lines[4:] == [
         "  note: assuming 30 Hz.",

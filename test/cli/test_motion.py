@@ -131,7 +131,7 @@ def test_joints_are_chosen_and_ordered_as_isaac_lab_does(folder, capsys):
     words = ["--joints", "asap", "--joint-order", "isaaclab", "--out", "a.csv"]
     assert run("convert", "whole.csv", *words, model=g1) == 0
     told = capsys.readouterr().out
-    assert "note: Joints left out: left_wrist_roll_joint (up to " in told
+    assert "note: Ignored joints: left_wrist_roll_joint (up to " in told
     names = (folder / "a.csv").read_text().split("\n")[0].split(",")[1:]
     assert len(names) == 23
     assert names[:4] == [

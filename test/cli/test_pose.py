@@ -52,13 +52,26 @@ def test_a_pose_without_a_name_is_not_saved():
 
 def test_poses_are_listed_with_what_they_are_or_where(tmp_path, capsys):
     file = tmp_path / "poses.yaml"
-    file.write_text("low:\n  knee: 1.0\nleft_up:\n  about: an arm\n  elbow: 1.0\n")
+    file.write_text("low: {}\nleft_up:\n  about: an arm\nother: {l_hip: 0.5}\n")
     list_poses(parse(PoseOptions, "pose", ["--list", "--file", str(file)]))
-    lines = capsys.readouterr().out.splitlines()
+    told = capsys.readouterr()
+    lines = told.out.splitlines()
     width = max(len(line.split()[0]) for line in lines)
     assert f"{'left_up':{width}}  an arm" in lines
     assert f"{'low':{width}}  {file}" in lines
     assert lines[0].startswith("zero ")
+    assert told.err == "pose: not of g1_29dof: other\n"
+
+
+def test_poses_are_those_of_the_robot(tmp_path, capsys):
+    file = tmp_path / "poses.yaml"
+    file.write_text("low: {l_hip: 0.5}\n")
+    five = REPOSITORY / "test" / "data" / "five_links.urdf"
+    words = ["--list", "--file", str(file), "--model", str(five)]
+    list_poses(parse(PoseOptions, "pose", words))
+    told = capsys.readouterr()
+    assert [line.split()[0] for line in told.out.splitlines()] == ["zero", "low"]
+    assert told.err == ""
 
 
 def test_a_namespace_may_be_written_as_in_a_launch_file():

@@ -9,7 +9,7 @@ from runpy import run_path
 
 import numpy as np
 import pytest
-from conftest import REPOSITORY, VENDOR
+from conftest import PROFILE, REPOSITORY, VENDOR
 from forked import run_forked, run_script
 from robots import link
 
@@ -35,8 +35,11 @@ from g1_description.robot.urdf import parse_urdf
 
 pytestmark = pytest.mark.slow
 
-SHIPPED = REPOSITORY / "config" / "collisions_g1.yaml"
-POSES = parse_poses((REPOSITORY / "config" / "poses.yaml").read_text(), "poses.yaml")
+SHIPPED = PROFILE / "collisions.yaml"
+POSES = parse_poses(
+    (PROFILE / "poses.yaml").read_text(),
+    "poses.yaml",
+)
 REVISION = VENDOR.with_name("g1_29dof_rev_1_0.urdf")
 SCRIPT = REPOSITORY / "scripts" / "collision_pairs"
 

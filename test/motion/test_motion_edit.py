@@ -271,7 +271,7 @@ def test_joints_are_left_out_and_added_by_name():
     np.testing.assert_array_equal(found.velocities[:, 1], whole.velocities[:, 1])
     lost = np.abs(whole.positions[:, 0]).max()
     assert found.notes == (
-        f"Joints left out: knee (up to {lost:.3g}).",
+        f"Ignored joints: knee (up to {lost:.3g}).",
         "Joints added at 0: toe.",
     )
 

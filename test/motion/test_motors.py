@@ -2,16 +2,17 @@
 
 import math
 import re
+from dataclasses import replace
 
 import pytest
 from conftest import REPOSITORY
 
 from g1_description.errors import MotorFileError
-from g1_description.motion.motors import Motor, Motors, g1_motors, read_motors
+from g1_description.motion.motors import Motor, Motors, motors_of, read_motors
 from g1_description.robot.urdf import parse_urdf
 
-OURS = g1_motors()
 G1 = parse_urdf((REPOSITORY / "urdf" / "g1_29dof.urdf").read_text())
+OURS = motors_of(G1)
 
 
 @pytest.fixture
@@ -34,19 +35,10 @@ def test_the_packages_file_has_a_motor_for_each_joint_of_the_g1(joint):
     assert (motor.position_gain, motor.velocity_gain) == (0.1, 1.0)
 
 
-@pytest.mark.parametrize(
-    "name", ["g1_29dof", "g1_23dof", "g1_29dof_rev_1_0", "g1", "unitree_G1"]
-)
-def test_the_packages_file_is_for_every_g1(name):
-    assert OURS.are_for(name)
-
-
-@pytest.mark.parametrize("name", ["h1", "h1_2", "H2", "r1_24dof", "", "bag1", "g12"])
-def test_the_packages_file_is_for_no_other_robot(name, file):
-    assert not OURS.are_for(name)
-    given = read_motors(REPOSITORY / "config" / "motors.yaml")
-    assert given.are_for(name)  # who names a file means it
-    assert Motors().are_for(name)
+@pytest.mark.parametrize("name", ["h1", "g1", "g1_23dof", "g1_29dof_with_hand", ""])
+def test_a_robot_without_a_profile_has_the_motors_of_its_urdf(name):
+    """Whatever its joints are called: those of a G1 with 23 joints are not these."""
+    assert motors_of(replace(G1, name=name)).of("left_knee_joint") == Motor()
 
 
 def test_other_joints_have_the_default_motor():

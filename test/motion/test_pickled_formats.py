@@ -458,7 +458,7 @@ def test_keyframes_without_times_are_poses_or_have_a_rate(g1, file):
             lambda: policy(body="head_link"),
             "lack the base, pelvis: head_link",
         ),
-        (lambda: field(1, 8) + b"\x7f" * 30, "damaged, or is none"),
+        (lambda: field(1, 8) + b"\x7f" * 30, "Not a valid ONNX model"),
         (lambda: policy().replace(b"Gather", b"MatMul"), "not taken from an array"),
     ],
 )

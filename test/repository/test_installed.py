@@ -18,7 +18,7 @@ ROOT = Path(__file__).resolve().parents[2]
 IMPORTED_AS = {"Pillow": "PIL", "ruamel.yaml": "ruamel", "PyYAML": "yaml"}
 """What packages are called in programs where that is not nearly their name."""
 
-BUILT_FROM = ("config", "meshes", "src", "urdf")
+BUILT_FROM = ("config", "meshes", "motions", "src", "urdf")
 BUILT_FROM += ("package.xml", "pyproject.toml", "requirements.txt", "setup.py")
 """A copy of these is installed: others may build in the clone at this moment."""
 
@@ -124,7 +124,7 @@ def test_the_robot_is_there_with_its_meshes_and_poses(python):
     ]
 
 
-@pytest.mark.parametrize("name", ["config", "meshes", "urdf"])
+@pytest.mark.parametrize("name", ["config", "meshes", "motions", "urdf"])
 def test_all_files_are_installed(python, name):
     def below(folder):
         return {path.relative_to(folder) for path in folder.rglob("*")}

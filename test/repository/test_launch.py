@@ -136,6 +136,7 @@ def test_the_robot_is_put_on_the_floor_unless_its_height_is_given(launch, sim, n
 WRONG = {
     "model:=/nowhere.urdf": "Cannot use the model /nowhere.urdf: There is no file /now",
     "model:=package://g1_description/urdf/g1_29dfo.urdf": "did you mean g1_29dof.urdf?",
+    "robot:=g1_29": "There is no profile and no file 'g1_29'. Known profiles: g1_29dof",
     "sim:=gazbo": "Unknown sim 'gazbo'. Known values: gazebo, standin.",
     "physics:=holdd": "Unknown physics 'holdd'. Known values: hold, kinematic, limp.",
     "initial_pose:=standd": "Unknown pose 'standd'. Known poses: stand, zero, squat,",
@@ -148,7 +149,8 @@ WRONG = {
 """Arguments that the launch file hands on, which others may include."""
 
 WRONG_ON_COMMAND_LINE = {
-    "model:=": "model:= is empty; leave it out to use the default, /",
+    "model:=": "model:= is empty; leave it out to use the default, g1_29dof.",
+    "robot:=": "robot:= is empty; leave it out to use the default, g1_29dof.",
     "physics:=": "physics:= is empty; leave it out to use the default, kinematic.",
     "trails:=pelvs": "Unknown link pelvs in trails. Known links: pelvis,",
     "port:=99999": "port must be a whole number from 0 to 65535 (got '99999').",
@@ -156,6 +158,7 @@ WRONG_ON_COMMAND_LINE = {
     "web:=2": "web must be true or false (got '2').",
     "use_sim_time:=1": "use_sim_time must be true or false (got '1').",
     "motors:=my.yaml": "motors must be an absolute path (got 'my.yaml').",
+    "collisions:=my.yaml": "collisions must be an absolute path (got 'my.yaml').",
     "thresholds:=/no.yaml": "The file /no.yaml of thresholds does not exist.",
     "rvizconfig:=/no.rviz": "The file /no.rviz of rvizconfig does not exist.",
 }
@@ -299,8 +302,43 @@ def test_a_pose_that_does_not_suit_the_robot_ends_the_launch(launch, tmp_path):
     robot = tmp_path / "r.urdf"
     robot.write_text('<robot name="r"><link name="a"/></robot>')
     told = refusal(launch, f"model:={robot}", "initial_pose:=stand")
-    assert told.startswith("Pose stand of ")
-    assert "'r' has no movable joint" in told
+    assert told.startswith("Unknown pose 'stand'. Known poses: zero.")
+
+
+@pytest.fixture
+def profile(tmp_path):
+    """Give the folder of a profile with a robot of its own."""
+    (tmp_path / "robot.yaml").write_text("names: [r]\nmodel: r.urdf\n")
+    (tmp_path / "poses.yaml").write_text("low: {}\n")
+    (tmp_path / "r.urdf").write_text('<robot name="r"><link name="a"/></robot>')
+    return tmp_path
+
+
+@pytest.mark.parametrize("file", ["display", "view", "replay", "two_robots"])
+def test_a_profile_chooses_the_robot_and_is_told_to_all_nodes(launch, profile, file):
+    found = parameters(launch(f"robot:={profile}", file=file))
+    assert '<robot name="r">' in found["/robot_description"]
+    assert found["/robot_description_profile"] == str(profile)
+
+
+def test_a_model_may_be_given_the_profile_of_another(launch, profile):
+    """Its poses are known then."""
+    model = REPOSITORY / "test" / "data" / "five_links.urdf"
+    wanted = (f"model:={model}", "initial_pose:=low")
+    assert "Unknown pose 'low'" in refusal(launch, *wanted)
+    found = parameters(launch(*wanted, f"robot:={profile}"))
+    assert '<robot name="strider">' in found["/robot_description"]
+    assert found["/robot_description_profile"] == str(profile)
+
+
+def test_without_a_profile_each_node_finds_it(launch):
+    assert parameters(launch())["/robot_description_profile"] == ""
+
+
+def test_allowed_collisions_reach_checks_and_page(launch, profile):
+    file = profile / "poses.yaml"
+    found = parameters(launch("checks:=true", "web:=true", f"collisions:={file}"))
+    assert found["/checker/collisions"] == found["/web/collisions"] == str(file)
 
 
 def test_arguments_that_are_right_or_may_be_empty_are_taken(launch):

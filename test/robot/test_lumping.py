@@ -253,7 +253,7 @@ def written(value):
     told = []
     for place in fields(value):
         part = getattr(value, place.name)
-        if isinstance(part, np.ndarray) or part != place.default:
+        if place.repr and (isinstance(part, np.ndarray) or part != place.default):
             told.append(f"{place.name}={written(part)}")
     begin = "\n  " if type(value).__name__ in ("Link", "Joint") else ""
     return f"{begin}{type(value).__name__}({', '.join(told)})"

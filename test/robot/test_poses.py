@@ -6,7 +6,7 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 import yaml
-from conftest import REPOSITORY
+from conftest import PROFILE, REPOSITORY
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -28,7 +28,10 @@ from g1_description.robot.poses import (
 )
 from g1_description.robot.urdf import parse_urdf
 
-POSES = parse_poses((REPOSITORY / "config" / "poses.yaml").read_text(), "poses.yaml")
+POSES = parse_poses(
+    (PROFILE / "poses.yaml").read_text(),
+    "poses.yaml",
+)
 G1 = parse_urdf((REPOSITORY / "urdf" / "g1_29dof.urdf").read_text())
 DATA = REPOSITORY / "test" / "data"
 
@@ -285,8 +288,8 @@ def test_a_file_keeps_its_mode_when_it_is_replaced(tmp_path):
 
 def test_poses_of_the_package_are_not_replaced(tmp_path, monkeypatch):
     """What is beside the package may be."""
-    package = tmp_path / "g1" / "config" / "poses.yaml"
-    monkeypatch.setattr(poses, "package_file", lambda: package)
+    package = tmp_path / "g1" / "config" / "robots" / "g1_29dof" / "poses.yaml"
+    monkeypatch.setattr(poses, "share_folder", lambda: tmp_path / "g1")
     for file in (package, tmp_path / "g1" / "mine.yaml"):
         with pytest.raises(G1DescriptionError, match="belongs to the package"):
             save_pose(Pose("low", {"knee": 1.0}), file)

@@ -30,7 +30,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from g1_description.cli.pose import PosedRobot
 from g1_description.motion.motion import Motion
-from g1_description.robot.poses import package_file, pose_positions, read_poses
+from g1_description.robot.poses import pose_positions, read_poses
 from g1_description.ros.playing import MotionClient
 from g1_description.ros.waiting import RefusedError
 
@@ -158,8 +158,9 @@ class TestPhysics(unittest.TestCase):
         tracking = Listener("/gazebo/tracking", TrackingReport)
         begin = self.position()
         tracking.clear()
-        told, poses = [], read_poses(package_file())
+        told = []
         robot = PosedRobot("", told.append)
+        poses = read_poses(robot.description)
         for number, (name, height) in enumerate((("squat", 0.38), ("zero", 0.79)), 1):
             goal = pose_positions(poses[name], robot.description)
             robot.move(goal, 3.0)

@@ -18,6 +18,7 @@ from std_srvs.srv import Empty
 from support.pose_command import KNEE, POSES, run, start
 from support.ros_testing import (
     DEADLINE,
+    PROFILE,
     REPOSITORY,
     Connected,
     Launch,
@@ -149,7 +150,10 @@ class TestPoses(unittest.TestCase):
     def test_nothing_is_overwritten_unasked_nor_written_into_the_package(self):
         home = Path(tempfile.mkdtemp())
         self.addCleanup(shutil.rmtree, str(home))
-        file, own = home / "mine.yaml", REPOSITORY / "config" / "poses.yaml"
+        file, own = (
+            home / "mine.yaml",
+            PROFILE / "poses.yaml",
+        )
         file.write_text("mine: {}  # kept\n")
         before = own.read_text()
         code, _, errors = run("--save", "mine", "--file", file)

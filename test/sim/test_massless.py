@@ -94,8 +94,11 @@ def test_at_the_start_no_mass_is_told_where_the_file_gives_none():
         lump_fixed_joints(parse_urdf(text), is_dynamic=False)
         for text in (arm(root=MASS), arm())
     )
-    assert figures(some, "kinematic") == "2 joints, 3 links, 2.000 kg, kinematic"
-    assert figures(none, "kinematic") == "2 joints, 3 links, kinematic"
+    assert (
+        figures(some, "kinematic")
+        == "2 joints, 3 links, 2.000 kg, kinematic, no profile"
+    )
+    assert figures(none, "kinematic") == "2 joints, 3 links, kinematic, no profile"
 
 
 @pytest.mark.parametrize("physics", ["hold", "limp"])

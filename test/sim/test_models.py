@@ -277,7 +277,7 @@ def test_a_model_that_cannot_be_loaded_is_left_out_of_the_world(make_world):
     world = make_world("limp", content=read_sdf(text))
     assert list(world.models) == ["ball"]
     (told,) = world.left_out
-    assert told.startswith("model large is left out: ")
+    assert told.startswith("model large is ignored: ")
     assert "at most 1000 links" in told
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import REPOSITORY
+from conftest import PROFILE, REPOSITORY
 from scipy.integrate import solve_ivp
 from worlds import Bench
 
@@ -143,7 +143,7 @@ def test_the_same_motion_gives_the_same_bits_in_any_process():
 
 def test_a_g1_that_stands_stays_where_it_is(vendors_g1):
     g1 = parse_urdf(vendors_g1)
-    motors = read_motors(REPOSITORY / "config" / "motors.yaml")
+    motors = read_motors(PROFILE / "motors.yaml")
     still = motion([0.0, 0.0], ["left_elbow_joint"], 0.1)
     result = rollout(g1, still, Conditions(motors))
     assert result.fell_at is None
@@ -390,7 +390,7 @@ def test_a_clip_that_begins_on_the_toes_of_a_foot_falls_after_a_second():
         if not path.exists():
             pytest.skip(f"{path.name} is not beside the repository")
     g1 = parse_urdf(with_absolute_uris(model.read_text(), model.parent))
-    motors = read_motors(REPOSITORY / "config" / "motors.yaml")
+    motors = read_motors(PROFILE / "motors.yaml")
     conditions = Conditions(motors, stops_at_fall=True)
     result = rollout(g1, read_motion(file, g1, 60.0), conditions)
     assert 0.9 < result.fell_at < 1.3

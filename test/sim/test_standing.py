@@ -11,7 +11,7 @@ from random import Random
 
 import numpy as np
 import pytest
-from conftest import REPOSITORY
+from conftest import PROFILE
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracle import angle_of, forward_kinematics
@@ -30,7 +30,10 @@ from g1_description.sim.standing import (
     standing_height,
 )
 
-POSES = parse_poses((REPOSITORY / "config" / "poses.yaml").read_text(), "poses.yaml")
+POSES = parse_poses(
+    (PROFILE / "poses.yaml").read_text(),
+    "poses.yaml",
+)
 UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 ORIGIN = np.array([0.0, 0.0, 0.0, *UPRIGHT])
 FEET = ("left_ankle_roll_link", "right_ankle_roll_link")

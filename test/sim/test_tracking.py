@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import REPOSITORY
+from conftest import PROFILE
 from worlds import OUR_G1, Bench
 
 from g1_description.motion.edit import minimum_jerk_trajectory
 from g1_description.motion.motion import Motion, sample
-from g1_description.motion.motors import Motor, Motors, g1_motors
+from g1_description.motion.motors import Motor, Motors
 from g1_description.motion.tracking import FallLimits
 from g1_description.robot.lumping import lump_fixed_joints
 from g1_description.robot.poses import parse_poses
@@ -20,7 +20,10 @@ from g1_description.sim.standing import hanging_height, standing_height
 
 pytestmark = pytest.mark.slow
 
-POSES = parse_poses((REPOSITORY / "config" / "poses.yaml").read_text(), "poses.yaml")
+POSES = parse_poses(
+    (PROFILE / "poses.yaml").read_text(),
+    "poses.yaml",
+)
 UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 ELBOW, KNEE = "left_elbow_joint", "left_knee_joint"
 WATCH = 1e-9 * WATCH_TIME
@@ -161,21 +164,12 @@ def knee(motors, name="h1", effort=300.0):
     return world, world.model(name), " ".join(notes)
 
 
-@pytest.mark.parametrize("name", ["h1", "", "g1_29dof"])
-def test_motors_of_the_g1_drive_no_other_robot(name):
-    """Whatever its joints are called; one line says so."""
-    world, model, notes = knee(g1_motors(), name)
-    limit = world.engine.effort_limits(model)
-    if name == "g1_29dof":
-        np.testing.assert_array_equal(limit, 139.0)
-        assert notes == ""
-    else:
-        np.testing.assert_array_equal(limit, 300.0)
-        assert notes == (
-            f"config/motors.yaml is not applied: the name of the robot, '{name}', does "
-            "not have the word 'g1'. Effort limits are those of its URDF; set others "
-            "with motors:=FILE."
-        )
+@pytest.mark.parametrize(("name", "limit"), [("", 300.0), ("g1_29dof_rev_1_0", 139.0)])
+def test_motors_are_those_of_the_profile(name, limit):
+    """Whatever the joints are called."""
+    world, model, notes = knee(None, name)
+    np.testing.assert_array_equal(world.engine.effort_limits(model), limit)
+    assert notes == ""
     world.close()
 
 

@@ -173,7 +173,7 @@ def test_the_choice_for_all_others_is_no_motion(folder, others, choices, counts)
 def test_what_is_no_report_is_told(folder, name, text):
     path = folder / name
     path.write_text(text, encoding="latin-1")
-    with pytest.raises(InvalidValueError, match=f"{name} is no report as check writes"):
+    with pytest.raises(InvalidValueError, match=f"{name} is not a report of check"):
         library(folder, path)
 
 

@@ -125,7 +125,7 @@ def test_a_port_that_is_taken_is_told(refused):
         port = other.getsockname()[1]
         line = refused("--model", ROBOT, "--port", port)
     assert f"port {port}" in line
-    assert "which another program has" in line
+    assert "is in use" in line
 
 
 @pytest.mark.parametrize(

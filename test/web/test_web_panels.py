@@ -165,13 +165,14 @@ def test_findings_of_one_cause_share_a_strip_and_a_button():
     elbow = replace(finding((1.5, 2.5), subject=("e", "r")), worst=3.0, text="e in r")
     (row,) = ElementTree.fromstring(findings.strips([[arm, elbow]], (0.0, 10.0)))
     assert len(row) == 2
-    assert row.get("title") == "e in r, and 1 more pair of links"
+    assert row.get("title") == "e in r, also l - r"
     assert findings.title([arm, elbow]) == "1.50 s  velocity e - r +1"
 
 
 def test_a_verdict_in_a_line():
     def told(*severities, **more):
-        found = tuple(finding((0.0, 1.0), severity=s) for s in severities)
+        found = (finding((0.0, 1.0), severity=s) for s in severities)
+        found = tuple(replace(f, cause=n) for n, f in enumerate(found))
         return findings.summary(Verdict("r", found, **more))
 
     assert told(checked=("velocity",)) == "**passed**"
@@ -342,7 +343,7 @@ def poses(server, monkeypatch, tmp_path):
     file.write_text("low:\n  to_b: 0.5\nother:\n  nose: 0.5\n")
     monkeypatch.setattr(controls, "user_file", lambda: file)
     monkeypatch.setattr(
-        controls, "read_poses", lambda: parse_poses(file.read_text(), str(file))
+        controls, "read_poses", lambda _: parse_poses(file.read_text(), str(file))
     )
     done = []
     ui = SimpleNamespace(
@@ -393,7 +394,7 @@ def test_a_pose_is_saved_under_a_new_name_or_where_it_is_wanted(poses):
             panel._save()
     panel._replace.value = True
     panel._save()
-    (pose,) = (p for p in controls.read_poses().values() if p.name == "low")
+    (pose,) = (p for p in controls.read_poses(None).values() if p.name == "low")
     assert pose.positions == {"to_b": 0.25, "to_c": -0.5}
     assert pose.about == "saved in the browser"
     assert panel._replace.value is False
@@ -592,7 +593,9 @@ def test_there_is_nothing_to_copy_before_the_first_state():
     shown = Shown()
     shown.where = None
     for write in (configuration_yaml, configuration_command):
-        with pytest.raises(InvalidValueError, match="No state of the robot has come"):
+        with pytest.raises(
+            InvalidValueError, match="No state of the robot has been received"
+        ):
             write(shown)
 
 

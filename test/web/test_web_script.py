@@ -240,7 +240,7 @@ def test_who_brought_the_token_once_is_let_in(chromium):
         server.viser.gui.add_button("Stand")
         address, _, token = server.address.partition("?token=")
         page = chromium.open(address, WINDOW)
-        assert "wants the token" in page.text()
+        assert "needs the token" in page.text()
         assert token not in page.raw.content()
         for place in (server.address, address):
             page.raw.goto(place)

@@ -214,16 +214,16 @@ def test_a_page_of_another_version_is_told_to_reload(server):
 
 def test_a_port_that_is_taken_is_named(server):
     port = int(netloc(server).split(":")[1])
-    with pytest.raises(PageServerError, match=rf"port {port} .*or 0 for a free one"):
+    with pytest.raises(PageServerError, match=rf"port {port} of .* is in use"):
         PageServer(ServerOptions(port=port))
 
 
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
-        ({"host": "no.such.host.invalid"}, "cannot open at 'no.such.host.invalid'"),
-        ({"host": "192.0.2.1"}, "name an address of this machine"),
-        ({"port": 65536}, "port is 65536, but ports are 0 to 65535"),
+        ({"host": "no.such.host.invalid"}, "cannot listen on 'no.such.host.invalid'"),
+        ({"host": "192.0.2.1"}, "use an address of this machine"),
+        ({"port": 65536}, "port must be from 0 to 65535 .got 65536"),
     ],
 )
 def test_a_host_or_port_that_cannot_be_is_named(options, sentence):
@@ -362,7 +362,7 @@ def test_without_the_token_nothing_is_told(guarded, path):
     for query in ("", "?token=", "?token=wrong", f"?token={TOKEN}x", "?token=%ff"):
         answer = fetch(guarded, path + query)
         assert answer.status == 401
-        assert b"wants the token that was printed" in answer.body
+        assert b"needs the token that was printed" in answer.body
         assert TOKEN.encode() not in answer.body
         assert "Set-Cookie" not in answer.headers
 
@@ -428,9 +428,7 @@ def test_one_more_than_may_be_is_told(server):
     with pytest.raises(InvalidStatus) as caught:
         join(server)
     assert caught.value.response.status_code == 503
-    assert (
-        caught.value.response.body == b"5 pages are open, which is the most: close one."
-    )
+    assert caught.value.response.body == b"5 pages are open, the limit: close one."
     pages[0].close()
     wait_for(lambda: server.browsers == 4, "one has left")
     pages[0] = join(server)
@@ -698,7 +696,7 @@ def test_a_file_that_is_too_large_is_refused_unread(server, reader):
     before = len(reader.paths)
     with begin(server, "big.npz", MAX_UPLOAD + 1) as page:
         answer = receive(page)
-    text = "big.npz is larger than the 3 MiB that the page takes"
+    text = "big.npz is larger than 3 MiB, the limit"
     assert answer == {"state": "failed", "text": text}
     assert upload(server, "fits.npz", [bytes(MAX_UPLOAD)])["state"] == "done"
     assert len(reader.paths) == before + 1
@@ -708,7 +706,7 @@ def test_more_than_was_announced_is_refused(server, reader):
     before = len(reader.paths)
     answer = upload(server, "a.csv", [b"12", b"345"], size=4)
     assert answer["state"] == "failed"
-    assert "not the one that was announced" in answer["text"]
+    assert "differs from the announced one" in answer["text"]
     assert upload(server, "a.csv", ["text"], size=9)["state"] == "failed"
     assert len(reader.paths) == before
 
@@ -716,7 +714,7 @@ def test_more_than_was_announced_is_refused(server, reader):
 @pytest.mark.parametrize("size", ["", "-1", "1e9", "9" * 99])
 def test_a_size_is_wanted(server, size):
     with begin(server, "a.csv", size) as page:
-        text = "the browser does not say how large a.csv is"
+        text = "the browser did not send the size of a.csv"
         assert receive(page) == {"state": "failed", "text": text}
 
 
@@ -764,7 +762,7 @@ def test_only_a_few_are_taken_at_once(server, reader):
 
 def test_a_page_may_take_none():
     with opened() as server:
-        text = "this page takes no files"
+        text = "this page is read-only: files cannot be uploaded"
         assert upload(server, "a", [b"1"]) == {"state": "failed", "text": text}
 
 
@@ -773,7 +771,7 @@ def test_a_page_that_only_shows_takes_none(shown, reader):
     with pytest.raises(InvalidStatus) as caught:
         begin(shown.server, "a", 1)
     assert caught.value.response.status_code == 403
-    assert b"only shows" in caught.value.response.body
+    assert b"read-only" in caught.value.response.body
     assert b"const readOnly = true;" in fetch(shown.server).body
     assert len(reader.paths) == before
 

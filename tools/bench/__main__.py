@@ -367,7 +367,7 @@ def measure_latency(bench, words, commander):
 
 
 def bridge(bench):
-    """The bridge at 1 kHz, beside the original client.
+    """The bridge at 1 kHz, compared with the original client.
 
     A process without rospy plays link states of the G1, computed from random smooth
     motions of all joints, to the node: /clock, then the states, on sockets without
@@ -377,7 +377,7 @@ def bridge(bench):
     just before the states are written until joint_states are read. Processor time is
     that of all threads of the node, per answered message: the original client drops
     what it cannot follow. robot_state_publisher does not run. The original client is
-    the script that the bridge replaces; it is no part of the repository.
+    the script that the bridge replaces; it is not part of the repository.
     """
     recording = record(bench.robot, bench.model)
     if ORIGINAL.exists():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -10,9 +11,6 @@ from tempfile import TemporaryDirectory
 
 from support.browser import Browser, missing
 
-from g1_description import Robot
-
-from .motions import squat
 from .shots import SCRIPTS, SHOTS, take
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -34,17 +32,15 @@ def parse() -> argparse.Namespace:
 
 
 def main() -> None:
-    """Take the pictures that are wanted."""
+    """Take the requested pictures."""
     args = parse()
     args.folder.mkdir(parents=True, exist_ok=True)
     with TemporaryDirectory() as folder, Browser() as browser:
-        robot = Robot()
-        for name, with_faults in (("squat", False), ("faults", True)):
-            motion = squat(robot, with_faults)
-            robot.write_motion(Path(folder, f"{name}.csv"), motion)
-            copy = Path(folder, "motions", "squat", f"{name}.csv")
-            copy.parent.mkdir(parents=True, exist_ok=True)
-            robot.write_motion(copy, motion)
+        for file in (ROOT / "motions").glob("*.csv"):
+            shutil.copy(file, folder)
+            below = Path(folder, "motions", "of_our_own")
+            below.mkdir(parents=True, exist_ok=True)
+            shutil.copy(file, below)
         reports = "--csv", "motions/report.csv", "--plot", "plots"
         words = [sys.executable, str(SCRIPTS / "check"), "motions", *reports]
         subprocess.run(words, cwd=folder, stdout=subprocess.DEVNULL)

@@ -48,6 +48,9 @@ class Shot:
     phone: bool = False
     """Whether it is of a phone: with the panel folded, and open."""
 
+    times: Sequence[float] = ()
+    """Times of the motion in [s] that an animation shows; empty: a picture."""
+
 
 def _robot(page: Page) -> None:
     """Lift both arms, one with its sliders."""
@@ -93,13 +96,19 @@ def _wait_for_findings(page: Page, count: int) -> None:
 
 
 SHOTS = {
+    "animation": Shot(
+        "browser.gif",
+        ("--motion", "faulty.csv"),
+        _motion,
+        times=tuple(np.arange(1.0, 3.6, 0.1)),
+    ),
     "robot": Shot("browser.png", (), _robot),
-    "motion": Shot("browser_motion.png", ("--motion", "faults.csv"), _motion),
+    "motion": Shot("browser_motion.png", ("--motion", "faulty.csv"), _motion),
     "compare": Shot(
-        "browser_compare.png", ("--compare", "squat.csv", "faults.csv"), _compare
+        "browser_compare.png", ("--compare", "squat.csv", "faulty.csv"), _compare
     ),
     "folder": Shot("browser_folder.png", ("motions",), _folder),
-    "phone": Shot("browser_phone.png", ("--motion", "faults.csv"), _motion, phone=True),
+    "phone": Shot("browser_phone.png", ("--motion", "faulty.csv"), _motion, phone=True),
 }
 
 
@@ -121,11 +130,28 @@ def take(browser: Browser, shot: Shot, folder: Path, file: Path) -> None:
         shot.act(page)
         page.raw.mouse.move(1, 1)
         page.still(TIMEOUT)
+        if shot.times:
+            _animate(page, shot.times, file)
+            page.close()
+            return
         pictures = [page.picture()]
         if shot.phone:
             pictures.insert(0, _folded(page))
         page.close()
     _rounded(_beside(pictures)).save(file, optimize=True)
+
+
+def _animate(page: Page, times: Sequence[float], file: Path) -> None:
+    """Write an animation of the page at half its size."""
+    frames = []
+    for time in times:
+        page.slider("Time").type(round(float(time), 3))
+        page.still(TIMEOUT)
+        picture = Image.fromarray(page.picture())
+        frames.append(picture.resize((picture.width // 2, picture.height // 2)))
+    colors = frames[0].quantize(128)
+    first, *others = [frame.quantize(palette=colors, dither=0) for frame in frames]
+    first.save(file, save_all=True, append_images=others, duration=100, loop=0)
 
 
 def _move_aside(page: Page) -> None:

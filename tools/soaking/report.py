@@ -28,7 +28,7 @@ place; {resets} times the simulator is reset.
 | length | {length} |
 | day | {day} |
 | system | {system}, Python {python} |
-| processes that wanted a core, median | {load} on {cores} cores |
+| processes ready to run, median | {load} on {cores} cores |
 
 ![Memory, processor time and rates]({picture})
 """

@@ -23,7 +23,7 @@ from g1_description.robot.description import Joint, clamped_to_limits
 from g1_description.ros.conversions import pose_from_array
 from g1_description.ros.log import SHORT_PERIOD, ThrottledLog
 from g1_description.ros.master import SERVICE_ERRORS
-from g1_description.text import listed
+from g1_description.text import listed, similar
 
 MAX_NAMES = 50
 """Ignored names that are counted one by one: names come from outside."""
@@ -95,7 +95,7 @@ class CommandTally:
                 unknown.append(name)
         problems = [
             *_unpaired(names, positions),
-            unknown and f"unknown joint {listed(unknown)}",
+            unknown and _unknown(unknown, self._joints),
             not_finite and f"positions must be finite: {listed(not_finite)}",
         ]
         ignored = "; ".join(filter(None, problems))
@@ -119,6 +119,13 @@ class CommandTally:
         """How long a request has been waiting for the simulator's answer, in [s]."""
         since = self.waiting_since
         return 0.0 if since is None else time.monotonic() - since
+
+
+def _unknown(names: Sequence[str], joints: Iterable[str]) -> str:
+    """Describe unknown joints, with the joint that the first one may mean."""
+    near = similar(names[0], joints)
+    hint = f" (did you mean {near[0]}?)" if near else ""
+    return f"unknown joint {listed(names)}{hint}"
 
 
 def _unpaired(names: Sequence[str], positions: Sequence[float]) -> Iterator[str]:

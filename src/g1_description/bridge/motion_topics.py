@@ -24,7 +24,12 @@ from g1_description.ros.motion_messages import (
     trajectory_from_message,
     whole_body_from_message,
 )
-from g1_description.srv import PlayMotion, PlayMotionRequest, PlayMotionResponse
+from g1_description.srv import (
+    PlayMotion,
+    PlayMotionRequest,
+    PlayMotionResponse,
+    SetAnchor,
+)
 
 STREAM_QUEUE_SIZE = 10
 """Queued samples of a stream; of more, only the newest are used."""
@@ -48,7 +53,8 @@ class MotionTopics:
 
     Subscribes: joint_trajectory (trajectory_msgs/JointTrajectory), base_command
         (geometry_msgs/PoseStamped), motion (g1_description/RobotTrajectory)
-    Service: play_motion (g1_description/PlayMotion): as motion, with an answer
+    Services: play_motion (g1_description/PlayMotion): as motion, with an answer;
+        set_anchor (g1_description/SetAnchor) of this robot
     """
 
     def __init__(
@@ -83,6 +89,11 @@ class MotionTopics:
                 tcp_nodelay=True,
             )
         rospy.Service(topic_of(robot, "play_motion"), PlayMotion, self._on_call)
+        rospy.Service(
+            topic_of(robot, "set_anchor"),
+            SetAnchor,
+            lambda request: player.set_anchor(request.link_name),
+        )
 
     def _on_call(self, request: PlayMotionRequest) -> PlayMotionResponse:
         """Play a motion of joints and base, or stop them."""

@@ -9,7 +9,7 @@ Subscribes: <gazebo>/world_state (gazebo_msgs/WorldState) or, where there is non
     (sensor_msgs/JointState), and the topics of motion_topics.MotionTopics
 Actions: <controller>/follow_joint_trajectory (control_msgs/FollowJointTrajectory)
 Broadcasts: map -> base_link, throttled; static world -> map, base_link -> the
-    robot's root, imu_in_torso -> body_imu; fixed joints while time stands still
+    robot's root, the IMU's link -> body_imu; fixed joints while time stands still
 Calls: <gazebo>/set_model_configuration (gazebo_msgs/SetModelConfiguration)
 Parameters: those of parameters.BridgeParameters
 """

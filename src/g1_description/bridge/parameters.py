@@ -17,9 +17,8 @@ from g1_description.errors import InvalidValueError
 from g1_description.robot.assembly import base_of
 from g1_description.robot.description import Description
 from g1_description.robot.transform import IDENTITY
-from g1_description.robot.urdf import parse_urdf
 from g1_description.ros.conversions import transform
-from g1_description.ros.parameters import check_range, wait_for_parameter
+from g1_description.ros.parameters import check_range, read_robot, wait_for_parameter
 
 _KINDS = {"controllers": (list, tuple)}
 
@@ -79,8 +78,9 @@ class BridgeParameters:
     ghost: bool = False
     """Publish the commanded configuration as a second robot."""
 
-    imu_link: str = "imu_in_torso"
-    """Link with a second frame, for the IMU."""
+    imu_link: str = ""
+    """Link with a second frame, for the IMU; empty: the link ``imu`` of the robot's
+    [profile](robots.md)."""
 
     imu_frame: str = "body_imu"
     """Name of the second frame."""
@@ -203,7 +203,7 @@ def wait_for_descriptions(
         )
         urdf = str(rospy.get_param(parameter))
         if urdf not in parsed:
-            parsed[urdf] = parse_urdf(urdf)
+            parsed[urdf] = read_robot(parameter)
         found.append((robot, parsed[urdf]))
     return found
 
@@ -247,8 +247,8 @@ def static_edges(
 
     Returns:
         Parent and child of world -> map, base_link -> root if base_link is not a link
-        of the robot, world -> its own world if that has a prefix, and
-        imu_in_torso -> body_imu if the robot has one.
+        of the robot, world -> its own world if that has a prefix, and the link of the
+        IMU -> body_imu if the robot has one.
     """
     p = parameters
     edges = [(p.world_frame, p.map_frame)]
@@ -257,8 +257,9 @@ def static_edges(
         edges.append((prefix + p.base_frame, prefix + root))
     if prefix and description.root in (p.world_frame, p.map_frame):
         edges.append((description.root, prefix + description.root))
-    if p.imu_link in description.link_names:
-        edges.append((prefix + p.imu_link, prefix + p.imu_frame))
+    imu = p.imu_link or description.profile.links.get("imu", "")
+    if imu in description.link_names:
+        edges.append((prefix + imu, prefix + p.imu_frame))
     return edges
 
 

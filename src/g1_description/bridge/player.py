@@ -24,7 +24,7 @@ from g1_description.robot.state import RobotState
 from g1_description.ros.conversions import model_trajectory, pose_from_array
 from g1_description.ros.master import SERVICE_ERRORS, SLAVE_API_ERRORS
 from g1_description.ros.publisher import DirectPublisher
-from g1_description.srv import SetModelTrajectory
+from g1_description.srv import SetAnchor, SetAnchorResponse, SetModelTrajectory
 
 QUEUE_SIZE = 100
 """Samples queued for a busy simulator: a tenth of a second at 1 kHz."""
@@ -72,6 +72,7 @@ class MotionPlayer:
         self._name = f"{gazebo}/set_model_trajectory"
         self._plays_itself, self._asked = False, -math.inf
         self._service = rospy.ServiceProxy(self._name, SetModelTrajectory)
+        self._anchor = rospy.ServiceProxy(f"{gazebo}/set_anchor", SetAnchor)
         self._topic = DirectPublisher(self._name, ModelTrajectory, QUEUE_SIZE)
         self._states = DirectPublisher(
             f"{gazebo}/set_model_state", ModelState, QUEUE_SIZE
@@ -193,6 +194,17 @@ class MotionPlayer:
                 if self._plays_here:
                     self._commands.release(released, joints is None)
         return played
+
+    def set_anchor(self, link: str) -> SetAnchorResponse:
+        """Set the link that stays at its place while joints move; empty: none."""
+        if not self._finds_service():
+            why = "the simulator has no anchors; use the simulator of this package"
+            return SetAnchorResponse(False, why, "")
+        try:
+            return self._anchor(self._status.name, link)
+        except SERVICE_ERRORS as error:
+            why = f"the simulator does not answer: {error}"
+            return SetAnchorResponse(False, why, "")
 
     def command(self, positions: Mapping[str, float]) -> None:
         """Record a command for joints, which ends their motions.

@@ -22,11 +22,10 @@ from g1_description.motion.files.formats import read_motion
 from g1_description.motion.motion import Motion, Sample, sample
 from g1_description.robot.description import Description
 from g1_description.robot.transform import IDENTITY
-from g1_description.robot.urdf import parse_urdf
 from g1_description.ros.conversions import transform
 from g1_description.ros.lifecycle import quiet_when_closing, start_node
 from g1_description.ros.master import stay_registered
-from g1_description.ros.parameters import check_range, read_parameters
+from g1_description.ros.parameters import check_range, read_parameters, read_robot
 
 REST = 1.0
 """Pause before a motion starts again, in [s]."""
@@ -162,7 +161,7 @@ def main() -> None:
     start_node("replay")
     try:
         parameters = read_parameters(ReplayParameters)
-        robot = parse_urdf(str(rospy.get_param("robot_description", "")))
+        robot = read_robot("robot_description")
         rate, topic = parameters.fps or None, parameters.topic or None
         told = parameters.order or None, parameters.format or None
         motion = read_motion(Path(parameters.file), robot, rate, topic, *told)

@@ -45,8 +45,8 @@ def make_checker(robot: Description, parameters: CheckerParameters) -> Checker:
     Raises:
         G1DescriptionError: If a file cannot be read.
     """
-    pairs = Path(parameters.pairs) if parameters.pairs else None
-    collisions = collisions_of(robot, pairs, parameters.visual_hulls)
+    file = Path(parameters.collisions) if parameters.collisions else None
+    collisions = collisions_of(robot, file, parameters.visual_hulls)
     return Checker(robot, parameters.read_thresholds(), collisions=collisions)
 
 

@@ -12,8 +12,7 @@ from g1_description.checks.thresholds_file import read_thresholds
 from g1_description.errors import InvalidValueError
 from g1_description.robot.assembly import WORLD, base_of
 from g1_description.robot.description import Description
-from g1_description.robot.urdf import parse_urdf
-from g1_description.ros.parameters import check_range, wait_for_parameter
+from g1_description.ros.parameters import check_range, read_robot, wait_for_parameter
 
 
 @dataclass(frozen=True)
@@ -33,9 +32,9 @@ class CheckerParameters:
     thresholds: str = ""
     """YAML file of thresholds; empty: ``config/checks.yaml``."""
 
-    pairs: str = ""
-    """YAML file of [allowed pairs](checks.md#allowed-pairs) of links; empty: those of
-    the G1, or for another robot pairs that are computed at the start."""
+    collisions: str = ""
+    """YAML file of [allowed collisions](checks.md#allowed-pairs); empty: that of the
+    robot's [profile](robots.md), or what is found."""
 
     visual_hulls: bool = True
     """Use the convex hulls of visual shapes for links without collision shapes."""
@@ -57,7 +56,7 @@ class CheckerParameters:
                 f"~frame_prefix must end with a slash and not begin with one (got "
                 f"'{prefix}')."
             )
-        for name in ("thresholds", "pairs"):
+        for name in ("thresholds", "collisions"):
             file = getattr(self, name)
             if file and not Path(file).is_absolute():
                 raise InvalidValueError(
@@ -93,4 +92,4 @@ def wait_for_robot(parameters: CheckerParameters) -> Description:
         rospy.loginfo("Waiting for the parameter %s, from %s upward.", name, space)
 
     found = wait_for_parameter(name, rospy.get_namespace().strip("/"), log)
-    return parse_urdf(str(rospy.get_param(found)))
+    return read_robot(found)

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 from g1_description.checks.verdict import FAILED, Finding
-from g1_description.robot.description import Description
-from g1_description.robot.tree import below
 
 GAP = 0.1
 """Longest time between findings of one cause, in [s]."""
@@ -16,28 +13,6 @@ GAP = 0.1
 BY_LIMBS, BY_TIME = "limbs", "time"
 """Findings of a check have the same cause if they are at the same time and between the
 same two limbs, or at the same time."""
-
-
-def limbs_of(description: Description) -> dict[str, str]:
-    """Return the limb of each link, named by the first link of the limb.
-
-    A limb is a chain of movable joints up to the next branch, with all links that are
-    fixed to it: an arm, a leg, or the waist with the torso. The root is one of its own.
-    """
-    roots = description.roots
-    joints = [*below(roots, description.joints)]
-    moving = [joint for joint in joints if joint.kind != "fixed"]
-    body = {root: root for root in roots}
-    for joint in joints:
-        is_fixed = joint.kind == "fixed"
-        body[joint.child] = body[joint.parent] if is_fixed else joint.child
-    branches = Counter(body[joint.parent] for joint in moving)
-    limb = {root: root for root in roots}
-    for joint in moving:
-        parent = body[joint.parent]
-        is_next = branches[parent] == 1 and parent not in roots
-        limb[joint.child] = limb[parent] if is_next else joint.child
-    return {link: limb[name] for link, name in body.items()}
 
 
 def with_causes(
@@ -88,12 +63,13 @@ def _is_same(one: Finding, other: Finding, limbs: Mapping[str, str]) -> bool:
 def cause_text(findings: Collection[Finding]) -> str:
     """Describe the findings of one cause by the worst, and count the others."""
     worst = worst_of(findings)
-    more = len(findings) - 1
-    if not more:
+    others = [finding for finding in findings if finding is not worst]
+    if not others:
         return worst.text
-    kind = "joint" if len(worst.subject) == 1 else "pair of links"
-    kinds = "joints" if len(worst.subject) == 1 else "pairs of links"
-    return f"{worst.text}, and {more} more {kinds if more > 1 else kind}"
+    if len(others) == 1:
+        return f"{worst.text}, also {others[0].name}"
+    pairs = " pairs" if len(worst.subject) == 2 else ""
+    return f"{worst.text}, and {len(others)} more{pairs}"
 
 
 def worst_of(findings: Collection[Finding]) -> Finding:

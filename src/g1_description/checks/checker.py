@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from g1_description.checks.causes import limbs_of, with_causes
+from g1_description.checks.causes import with_causes
 from g1_description.checks.intervals import intervals, time_share
 from g1_description.checks.measured import CheckedRobot, Measured, measure
 from g1_description.checks.rule import Rule
@@ -23,6 +23,7 @@ from g1_description.collisions.find_pairs import collisions_of
 from g1_description.collisions.self_collisions import SelfCollisions
 from g1_description.errors import G1DescriptionError, UnknownNameError
 from g1_description.motion.motion import Motion
+from g1_description.robot.assembly import limbs_of
 from g1_description.robot.description import Description
 from g1_description.sim.rollout import Conditions, rollout
 from g1_description.text import listed, similar_first
@@ -50,7 +51,7 @@ class Checker:
             physics: How motions are simulated; None: they are not.
 
         Raises:
-            AllowedPairsError: If the file of the G1's allowed pairs cannot be read.
+            AllowedPairsError: If the file of its allowed pairs cannot be read.
             ThresholdError: If the file of the defaults cannot be read, or thresholds
                 name other joints.
         """

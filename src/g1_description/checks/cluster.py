@@ -28,7 +28,7 @@ from g1_description.checks.batch import (
 )
 from g1_description.checks.report import FileResult
 from g1_description.errors import ClusterError, MotionError, cause
-from g1_description.files.model_files import find_folder, share_folder
+from g1_description.files.model_files import find_folder
 from g1_description.files.uris import local_path
 from g1_description.motion.files import bag
 from g1_description.motion.files.formats import has_neighbours, read_motion
@@ -38,16 +38,13 @@ from g1_description.robot.description import Description, Shape
 PACKAGES = ("files", "robot", "motion", "sim", "collisions", "checks")
 """Packages whose code checks motions."""
 
-CONFIG = "collisions*.yaml"
-"""Files in ``config`` that the checks read."""
-
 
 @lru_cache(maxsize=None)
 def fingerprint() -> str:
-    """Hash the code that checks motions and the files that it reads."""
+    """Hash the code that checks motions."""
     found = hashlib.sha256()
     folder = Path(__file__).resolve().parents[1]
-    files = sorted((share_folder() / "config").glob(CONFIG))
+    files: list[Path] = []
     for package in PACKAGES:
         files += sorted((folder / package).rglob("*.py"))
     for file in files:

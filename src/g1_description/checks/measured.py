@@ -88,7 +88,8 @@ class CheckedRobot:
             and not len(self.ground.rows),
             "the robot has no mass": need in ("balance", "efforts")
             and not self.masses.total > 0.0,
-            "the base is free; use --physics": need == "efforts" and not self.is_fixed,
+            "the base is free; --physics checks saturation": need == "efforts"
+            and not self.is_fixed,
             "no pair of links needs checking": need == "pairs"
             and not self.collisions.pairs,
             "there is only one configuration": is_moving and len(trajectory.times) == 1,

@@ -18,7 +18,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TextIO
 
-from g1_description.api import MODEL, Robot
+from g1_description.api import Robot
 from g1_description.bounds import MAX_PORT
 from g1_description.checks.batch import FileChecker, Here, Processes, Task, check_files
 from g1_description.checks.cluster import Cluster
@@ -49,7 +49,6 @@ from g1_description.cli.motion_paths import (
 )
 from g1_description.cli.progress import Printer
 from g1_description.cli.start import INTERRUPTED
-from g1_description.collisions.find_pairs import collisions_of
 from g1_description.command_line import number, option, parse, say
 from g1_description.errors import ClusterError, G1DescriptionError, InvalidValueError
 from g1_description.files.atomic import whole_file, write_whole
@@ -105,7 +104,7 @@ class CheckOptions:
     """
 
     files: list[Path] = options.motions()
-    model: str | None = options.model()
+    model: str = options.model()
     fps: float | None = options.fps()
     topic: str | None = options.topic()
     order: str | None = options.order()
@@ -127,13 +126,15 @@ class CheckOptions:
     no_visual_hulls: bool = option(
         "do not substitute hulls of visual shapes for missing collision shapes", False
     )
-    collisions: Path | None = option(
-        "file of allowed collisions, as written by collision_pairs",
+    motors: Path | None = option(
+        "with --physics: file of the motors",
         None,
         Path,
         metavar="YAML",
-        see="[allowed pairs](checks.md#allowed-pairs)",
+        shown="that of the robot's profile, or as in its URDF",
+        see="[motors](motions.md#tracked-by-motors)",
     )
+    collisions: Path | None = options.collisions()
     selection: Path | None = options.selection()
     write_selection: Path | None = option(
         "exclude the motions that a rule of the thresholds excludes in this selection, "
@@ -213,6 +214,8 @@ class CheckOptions:
             if file not in (None, STDOUT) and Path(file).suffix.lower() != ending:
                 flag = f"--{name.replace('_', '-')}"
                 raise InvalidValueError(f"{flag} must end in {ending} (got {file})")
+        if self.motors and not self.physics:
+            raise InvalidValueError("--motors needs --physics")
         if self.shift is not None and self.against is None:
             raise InvalidValueError("--shift needs --against")
         if self.watch and self.dask is not None:
@@ -537,12 +540,10 @@ def file_checker(args: CheckOptions) -> FileChecker:
     Raises:
         G1DescriptionError: If a given file is invalid.
     """
-    robot = Robot(args.model or MODEL)
-    collisions = collisions_of(
-        robot.description, args.collisions, not args.no_visual_hulls
-    )
+    robot = Robot(args.model, args.motors, args.collisions)
+    hulls = not args.no_visual_hulls
     return FileChecker(
-        robot.checker(args.thresholds, args.fixed_base, collisions, args.physics),
+        robot.checker(args.thresholds, args.fixed_base, args.physics, hulls),
         args.only,
         bool(args.plot or args.html),
         args.fps,

@@ -22,11 +22,8 @@ from g1_description.collisions.allowed_pairs import (
 from g1_description.collisions.find_pairs import NEAR, SAMPLES, find_allowed_pairs
 from g1_description.command_line import argument, option, parse, say, within
 from g1_description.errors import G1DescriptionError
-from g1_description.robot.load import absolute_urdf
-from g1_description.robot.urdf import parse_urdf
-
-G1 = "package://g1_description/urdf/g1_29dof.urdf"
-"""The default robot."""
+from g1_description.robot.load import read_description
+from g1_description.robot.profile import DEFAULT
 
 MAX_SEED = 2**32 - 1
 
@@ -34,7 +31,7 @@ ABOUT = """\
 Pairs of links that are not checked for collisions, each with the reason. The file was
 written by
 
-  rosrun g1_description collision_pairs {model}--samples {samples} --seed {seed}
+  rosrun g1_description collision_pairs {model} --samples {samples} --seed {seed}
 
 which puts all joints at random positions inside their limits. A pair is called "never"
 if it was never nearer than {near:g} mm. That does not prove that it cannot touch:
@@ -53,11 +50,10 @@ class PairsOptions:
     """
 
     model: str = argument(
-        "URDF or xacro file, as for model:= of the launch files",
+        "a profile, or a URDF or xacro file, as for model:= of the launch files",
         str,
-        shown="the G1",
         nargs="?",
-        default=G1,
+        default=DEFAULT,
         metavar="MODEL",
     )
     samples: int = option(
@@ -97,11 +93,11 @@ def run(args: PairsOptions) -> None:
         G1DescriptionError: If that fails; then nothing is written.
     """
     kept = read_allowed_pairs(args.out).pairs if args.out and args.out.exists() else ()
-    robot = parse_urdf(absolute_urdf(args.model))
+    robot = read_description(args.model)
     allowed = find_allowed_pairs(robot, args.samples, args.seed, show_progress)
     allowed = with_pairs(allowed, [pair for pair in kept if pair.reason == USER])
     about = ABOUT.format(
-        model="" if args.model == G1 else f"{args.model} ",
+        model=args.model,
         samples=args.samples,
         seed=args.seed,
         near=1e3 * NEAR,

@@ -667,9 +667,8 @@ def check_description(system: System) -> Fault | str:
     cure = DISPLAY
     if system.simulators:  # launch files refuse to start a second one
         cure = (
-            "rosrun g1_description absolute_urdf.py "
-            "package://g1_description/urdf/g1_29dof.urdf > /tmp/g1.urdf && "
-            f"rosparam set -t /tmp/g1.urdf {place or name}"
+            "rosrun g1_description absolute_urdf.py '' > /tmp/robot.urdf && "
+            f"rosparam set -t /tmp/robot.urdf {place or name}"
         )
     if not place:
         sentence = f"There is no parameter {name} in /{system.namespace} or above."

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from g1_description.api import MODEL, Robot
+from g1_description.api import Robot
 from g1_description.checks.batch import (
     Content,
     FileWorker,
@@ -225,7 +225,7 @@ def run(args: Reading) -> int:
     repeats = isinstance(args, Join)
     files = motion_files(args.files, args.every, selection, repeats)
     tasks = files.tasks
-    robot = Robot(args.model or MODEL).description
+    robot = Robot(args.model).description
     args.check(robot)
     if isinstance(args, Join):
         return join(args, tasks, robot)

@@ -54,7 +54,7 @@ class Reading:
     """Options for reading motions."""
 
     files: list[Path] = options.motions()
-    model: str | None = options.model()
+    model: str = options.model()
     fps: float | None = options.fps()
     topic: str | None = options.topic()
     order: str | None = options.order()
@@ -120,7 +120,7 @@ class Convert(Edit):
 
     joints: str | None = option(
         "joints to write: 29, 27 or 23 of Unitree's G1, or asap, the 23 of ASAP, PBHC "
-        "and GMT; others are left out, missing ones at 0",
+        "and GMT; others are ignored, missing ones at 0",
         None,
         str,
         shown="those of the motion",
@@ -280,7 +280,7 @@ class Pad(Edit):
 
     def _poses(self, robot: Description) -> list[dict[str, float] | None]:
         """Return the positions by joint of both poses."""
-        known, found = read_poses(), []
+        known, found = read_poses(robot), []
         joints = [joint.name for joint in robot.movable_joints]
         for name in (self.begin, self.end):
             if name is None:
@@ -306,7 +306,7 @@ class Rename(Edit):
     """Rename joints."""
 
     names: Mapping[str, str] = option(
-        "new names of joints, such as left_toe_joint=left_ankle_pitch_joint",
+        "new names of joints, such as left_toe=left_ankle",
         None,
         new_names,
         required=True,

@@ -14,7 +14,7 @@ NAME = re.compile(r"[A-Za-z]\w*(/\w+)*", re.ASCII)
 """A ROS name without leading and trailing slashes. rosgraph's pattern cannot be
 imported, as doctor must run without ROS."""
 
-MODEL = "a URDF or xacro file, as for model:= of the launch files"
+MODEL = "a profile, or a URDF or xacro file, as for model:= of the launch files"
 
 
 def name(text: str) -> str:
@@ -32,7 +32,22 @@ def namespace() -> Any:
 
 def model() -> Any:
     """Declare the robot of motions in files."""
-    return option(f"the robot: {MODEL}", None, str, shown="the G1")
+    # Only where it is needed: doctor must run without what reads files.
+    from g1_description.robot.profile import DEFAULT
+
+    return option(f"the robot: {MODEL}", DEFAULT, str, see="[robots](robots.md)")
+
+
+def collisions() -> Any:
+    """Declare the file of allowed collisions."""
+    return option(
+        "file of allowed collisions, as written by collision_pairs",
+        None,
+        Path,
+        metavar="YAML",
+        shown="that of the robot's profile, or what is found",
+        see="[allowed pairs](checks.md#allowed-pairs)",
+    )
 
 
 def motions() -> Any:
@@ -49,6 +64,18 @@ def motions() -> Any:
 def jobs() -> Any:
     """Declare the number of processes."""
     return option("number of worker processes", 1, within(1, 256, int), metavar="N")
+
+
+def anchor() -> Any:
+    """Declare the link that stays at its place while joints move."""
+    return option(
+        "link that stays at its place meanwhile, or lowest_foot; the base follows; in "
+        "kinematic only",
+        None,
+        str,
+        metavar="LINK",
+        see="[anchors](poses.md#an-anchor)",
+    )
 
 
 def fps() -> Any:

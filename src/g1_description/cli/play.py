@@ -195,6 +195,7 @@ class PlayOptions:
     on_floor: bool = option(
         "lift or lower the whole motion so that its lowest point is at height 0", False
     )
+    anchor: str | None = options.anchor()
     namespace: str = options.namespace()
     base_frame: str | None = option(
         "TF frame of the robot's base, for --start-here",
@@ -230,6 +231,10 @@ def prepare(args: PlayOptions, robot: RobotView) -> Motion:
         names = " and ".join(filter(None, requested))
         raise InvalidValueError(
             f"{names} needs a motion with a base, which {args.file.name} lacks."
+        )
+    if trajectory.base_poses is not None and args.anchor is not None:
+        raise InvalidValueError(
+            f"--anchor needs a motion without a base, but {args.file.name} has one."
         )
     if args.start_here:
         trajectory = to_start_at(trajectory, base_pose(robot, args.base_frame))
@@ -329,7 +334,8 @@ def play(args: PlayOptions) -> None:
     with closing(Keyboard(terminal())) as keyboard:
         # Before the shutdown, while services can be called: else the robot continues.
         rospy.core.add_preshutdown_hook(lambda _: _leave(robot, keyboard))
-        follow(session, keyboard, args)
+        with robot.anchored(args.anchor):
+            follow(session, keyboard, args)
     if session.is_over:
         _check_end(robot, trajectory, args.file.name)
         notify(f"{args.file.name}: {session.end - session.begin:.2f} s played.")
@@ -368,6 +374,7 @@ def _leave(robot: RobotView, keyboard: Keyboard) -> None:
     try:
         if robot.motions.leave():
             notify("stopped; the robot keeps its position.")
+        robot.restore_anchor()
     except G1DescriptionError as error:
         notify(f"the robot may keep moving: {error}")
 

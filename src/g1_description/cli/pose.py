@@ -5,10 +5,12 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import rosgraph
 import rospy
 from sensor_msgs.msg import JointState
 
@@ -16,22 +18,25 @@ from g1_description.cli import options
 from g1_description.command_line import argument, option, parse, say, within
 from g1_description.errors import G1DescriptionError, InvalidValueError, PoseFileError
 from g1_description.motion.edit import minimum_jerk_trajectory
+from g1_description.robot.description import Description
+from g1_description.robot.load import read_description
 from g1_description.robot.poses import (
     ZERO,
     Pose,
     check_name,
     check_pose,
     find_pose,
-    package_file,
+    fits,
     pose_positions,
-    read_file,
     read_poses,
     save_pose,
     user_file,
 )
+from g1_description.robot.profile import DEFAULT
 from g1_description.robot.state import RobotState
 from g1_description.ros.lifecycle import own_arguments, quiet_when_closing, start_node
-from g1_description.ros.robot_view import STANDS_STILL, RobotView
+from g1_description.ros.parameters import find_parameter, read_robot
+from g1_description.ros.robot_view import DESCRIPTION, STANDS_STILL, RobotView
 from g1_description.ros.waiting import NoAnswerError
 from g1_description.text import listed
 
@@ -186,6 +191,7 @@ class PosedRobot(RobotView):
         """Stop the robot if it is moving."""
         try:
             self.motions.leave()
+            self.restore_anchor()
         except G1DescriptionError as error:
             self._notify(f"the robot may keep moving: {error}")
 
@@ -205,15 +211,24 @@ class PoseOptions:
     name: str | None = argument(
         "pose to go to", str, nargs="?", metavar="NAME", default=None
     )
-    list: bool = option("list all poses", False)
+    list: bool = option(
+        "list the poses of the running robot; without a master, of --model", False
+    )
     save: str | None = option("save the current pose", None, str, metavar="NAME")
     seconds: float = option(
         "duration of a smooth motion in simulated time [s]; 0: set the joints at once",
         0.0,
         within(0.0, MAX_SECONDS),
     )
+    anchor: str | None = options.anchor()
     namespace: str = options.namespace()
     file: Path | None = option("file of your own poses", None, Path, shown=USER_FILE)
+    model: str | None = option(
+        f"with --list: its robot: {options.MODEL}",
+        None,
+        str,
+        shown="the one that runs, or the default robot",
+    )
     force: bool = option("with --save: replace a pose of that name", False)
     about: str = option("with --save: description of the pose", "")
 
@@ -228,16 +243,39 @@ class PoseOptions:
             raise InvalidValueError("give one of NAME, --list and --save NAME")
         if (self.force or self.about) and self.save is None:
             raise InvalidValueError("--force and --about need --save")
+        if self.anchor is not None and self.name is None:
+            raise InvalidValueError("--anchor needs NAME")
+        if self.model and not self.list:
+            raise InvalidValueError("--model needs --list")
         if self.save == ZERO:
             raise InvalidValueError(f"{ZERO} cannot be saved: it is a built-in pose")
 
 
 def list_poses(args: PoseOptions) -> None:
-    """Print a line for each pose."""
-    poses = read_poses(args.file)
-    width = max(map(len, poses), default=0)
-    for pose in poses.values():
+    """Print a line for each pose that fits the robot.
+
+    Raises:
+        G1DescriptionError: If the robot or a file of poses cannot be read.
+    """
+    robot = _listed_robot(args)
+    known = read_poses(robot, args.file).values()
+    poses = [pose for pose in known if fits(pose, robot)]
+    width = max(len(pose.name) for pose in poses)
+    for pose in poses:
         print(f"{pose.name:{width}}  {pose.about or pose.place}")
+    others = [pose.name for pose in known if pose not in poses]
+    if others:
+        say(f"pose: not of {robot.name}: {listed(others)}", sys.stderr)
+
+
+def _listed_robot(args: PoseOptions) -> Description:
+    """Read the robot of --model, the running one, or the default one."""
+    if args.model is None:
+        with suppress(OSError, rosgraph.MasterException):
+            parameter = find_parameter(DESCRIPTION, args.namespace)
+            if parameter:
+                return read_robot(parameter)
+    return read_description(args.model or DEFAULT)
 
 
 def go(args: PoseOptions) -> None:
@@ -246,14 +284,17 @@ def go(args: PoseOptions) -> None:
     Raises:
         G1DescriptionError: If there is no such pose, or the robot does not reach it.
     """
-    pose = find_pose(args.name, read_poses(args.file))
     robot = _connect(args)
+    pose = find_pose(args.name, read_poses(robot.description, args.file))
     check_pose(pose, robot.description)
     goal = pose_positions(pose, robot.description)
-    if args.seconds:
-        robot.move(goal, args.seconds)
-    else:
-        robot.teleport(goal)
+    if args.anchor is not None:
+        robot.measured_positions()  # the bridge may have just started
+    with robot.anchored(args.anchor):
+        if args.seconds:
+            robot.move(goal, args.seconds)
+        else:
+            robot.teleport(goal)
     print(f"pose: {pose.name}")
 
 
@@ -265,15 +306,13 @@ def save(args: PoseOptions) -> None:
     """
     file = (args.file or user_file()).expanduser()
     check_name(args.save)
-    known = read_file(package_file())
-    if file.exists():
-        known.update(read_file(file))
+    robot = _connect(args)
+    known = read_poses(robot.description, file if file.exists() else None)
     if args.save in known and not args.force:
         raise PoseFileError(
             f"The pose '{args.save}' already exists in {known[args.save].place}. Use "
             "--force to override it."
         )
-    robot = _connect(args)
     joints = robot.description.movable_joints
     rounded = {
         joint.name: min(max(round(position, DIGITS), joint.lower), joint.upper)

@@ -48,10 +48,10 @@ from g1_description.render.camera import VIEWS, Camera, framing
 from g1_description.render.picture import draw
 from g1_description.render.scene import Scene
 from g1_description.robot.description import Description
-from g1_description.robot.load import absolute_urdf
+from g1_description.robot.load import read_description
 from g1_description.robot.poses import check_limits
+from g1_description.robot.profile import DEFAULT
 from g1_description.robot.transform import IDENTITY
-from g1_description.robot.urdf import parse_urdf
 from g1_description.ros.lifecycle import own_arguments, start_node
 from g1_description.ros.robot_view import RobotView
 from g1_description.ros.waiting import NoAnswerError, wait_until
@@ -222,9 +222,6 @@ class SnapshotOptions:
 
 PORTRAIT = 0.75
 """Preferred aspect ratio of the pictures on a contact sheet."""
-
-G1 = "package://g1_description/urdf/g1_29dof.urdf"
-"""The default robot of a motion."""
 
 
 def notify(sentence: str) -> None:
@@ -423,7 +420,7 @@ def _times(args: SnapshotOptions, begin: float, motion: Motion) -> np.ndarray:
 
 def draw_file(args: SnapshotOptions) -> None:
     """Draw a URDF file: a motion, or its zero pose with the given joints."""
-    description = parse_urdf(absolute_urdf(args.model or G1))
+    description = read_description(args.model or DEFAULT)
     check_joints(args.joints, description)
     moments: list[list[PlacedRobot]] = [[(None, {})]]
     if args.motion:

@@ -18,14 +18,13 @@ from g1_description.checks.checker import Checker
 from g1_description.checks.thresholds_file import read_thresholds
 from g1_description.cli import options
 from g1_description.cli.motion_paths import motion_files
+from g1_description.collisions.find_pairs import collisions_of
 from g1_description.command_line import argument, option, parse, say, within
 from g1_description.errors import G1DescriptionError, InvalidValueError
-from g1_description.files.model_files import share_folder
 from g1_description.motion.files.formats import read_motion
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
-from g1_description.robot.load import absolute_urdf
-from g1_description.robot.urdf import parse_urdf
+from g1_description.robot.load import read_description
 from g1_description.ros.lifecycle import own_arguments
 from g1_description.web.file_world import FileWorld, StillRobot
 from g1_description.web.library import REPORTS, Library
@@ -72,11 +71,12 @@ class WebOptions:
         metavar=("FILE", "FILE"),
         see="[two motions](browser.md#two-motions)",
     )
-    model: str | None = options.model()
+    model: str = options.model()
     fps: float | None = options.fps()
     topic: str | None = options.topic()
     order: str | None = options.order()
     format: str | None = options.file_format()
+    collisions: Path | None = options.collisions()
     thresholds: Path | None = options.thresholds()
     host: str = option(
         "address to listen on; 0.0.0.0: all, with a token in the address",
@@ -106,10 +106,6 @@ class WebOptions:
             raise InvalidValueError("--motion and --compare cannot be combined")
 
 
-G1 = "urdf/g1_29dof.urdf"
-"""The default robot, in the package's folder."""
-
-
 def notify(text: str) -> None:
     """Print a message."""
     say(f"web: {text}")
@@ -121,7 +117,7 @@ def make_world(args: WebOptions) -> tuple[FileWorld, list[tuple[Path, Motion]]]:
     Raises:
         G1DescriptionError: If a file is invalid.
     """
-    robot = parse_urdf(absolute_urdf(args.model or str(share_folder() / G1)))
+    robot = read_description(args.model)
     files = args.compare or ([args.motion] if args.motion else [])
     motions = [(file, _read(args, file, robot, args.fps)) for file in files]
     names = [file.name for file in files] if len(files) > 1 else [robot.name]
@@ -177,7 +173,9 @@ def web(args: WebOptions) -> None:
         show = Show(
             world,
             server,
-            lambda robot: Checker(robot, thresholds),
+            lambda robot: Checker(
+                robot, thresholds, collisions=collisions_of(robot, args.collisions)
+            ),
             library,
         )
         for (file, motion), robot in zip(motions, world.robots):

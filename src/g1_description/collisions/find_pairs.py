@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
+import re
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Callable
@@ -16,10 +19,12 @@ from g1_description.collisions.allowed_pairs import (
     AllowedPair,
     AllowedPairs,
     read_allowed_pairs,
+    write_allowed_pairs,
 )
 from g1_description.collisions.self_collisions import SelfCollisions
-from g1_description.errors import AllowedPairsError
-from g1_description.files.model_files import share_folder
+from g1_description.errors import AllowedPairsError, InvalidValueError
+from g1_description.files.model_files import PACKAGE, find_folder, ros_home
+from g1_description.files.uris import local_path
 from g1_description.robot.assembly import rigid_frames
 from g1_description.robot.description import Description
 from g1_description.robot.kinematics import Kinematics
@@ -33,8 +38,10 @@ configurations is missed with a probability of 5 % at most."""
 QUICK_SAMPLES = 1000
 """Random configurations for a robot that has no file of allowed pairs."""
 
-G1_PAIRS = "config/collisions_g1.yaml"
-"""The allowed pairs of the G1 and its revisions."""
+ABOUT_KEPT = """\
+Pairs of links that are not checked for collisions, found at the first check. A copy of
+this file called collisions.yaml in the robot's profile may be edited.
+"""
 
 NEAR = 0.02
 """A pair that comes nearer than this is checked, though it may never touch, in [m]."""
@@ -109,8 +116,8 @@ def collisions_of(
 
     Args:
         description: The robot.
-        file: Its allowed pairs; None: those of the G1, or, for a robot with other
-            links, pairs found from a few samples.
+        file: Its allowed pairs; None: those of its profile, or, if that has none or
+            lacks links of the robot, pairs that are found once and kept.
         visual_hulls: Whether links without collision shapes use the convex hulls of
             their visuals.
 
@@ -119,18 +126,57 @@ def collisions_of(
     """
     if file is not None:
         return SelfCollisions(description, read_allowed_pairs(file), visual_hulls)
-    known = read_allowed_pairs(share_folder() / G1_PAIRS)
-    try:
-        return SelfCollisions(description, known, visual_hulls)
-    except AllowedPairsError:
-        found = quick_allowed_pairs(description)
+    known, why = description.profile.collisions, ""
+    if known is not None:
+        pairs = read_allowed_pairs(known)
+        try:
+            return SelfCollisions(description, pairs, visual_hulls)
+        except AllowedPairsError as error:
+            why = f"{error} "
+    found, place = kept_allowed_pairs(description)
     other = SelfCollisions(description, found, visual_hulls)
     note = (
-        f"The allowed collisions of {description.name} were estimated from "
-        f"{QUICK_SAMPLES} random configurations; write a file with collision_pairs."
+        f"{why}The allowed collisions of {description.name} were found in "
+        f"{QUICK_SAMPLES} random configurations{place}."
     )
     other.notes = (note, *other.notes)
     return other
+
+
+def kept_allowed_pairs(description: Description) -> tuple[AllowedPairs, str]:
+    """Read the allowed pairs that were found of a robot; find and keep them at first.
+
+    They are kept below ``~/.ros/g1_description/collisions``, by the content of the
+    robot and its meshes.
+
+    Returns:
+        The pairs, and where they are as the end of a sentence; empty if they cannot be
+        written.
+    """
+    name = re.sub(r"[^\w.-]+", "_", description.name)
+    folder = ros_home() / PACKAGE / "collisions"
+    file = folder / f"{name}_{_fingerprint(description)[:12]}.yaml"
+    with suppress(AllowedPairsError):
+        return read_allowed_pairs(file), f" and are kept in {file}"
+    found = quick_allowed_pairs(description)
+    try:
+        write_allowed_pairs(file, found, ABOUT_KEPT)
+    except InvalidValueError:
+        return found, ""
+    return found, f" and are kept in {file}"
+
+
+def _fingerprint(description: Description) -> str:
+    """Hash a robot and the files of its meshes."""
+    found = hashlib.sha256(f"{QUICK_SAMPLES} {description!r}".encode())
+    shapes = [
+        s for link in description.links for s in (*link.collisions, *link.visuals)
+    ]
+    for name in dict.fromkeys(s.filename for s in shapes if s.kind == "mesh"):
+        path = local_path(name, find_folder)
+        with suppress(OSError):
+            found.update(Path(path).read_bytes() if path else b"")
+    return found.hexdigest()
 
 
 def adjacent_pairs(description: Description) -> tuple[AllowedPair, ...]:

@@ -20,13 +20,13 @@ NEWEST = (1, 9)
 
 PACKAGE = "g1_description"
 
-ROBOT = "urdf/g1_29dof.urdf"
-"""The robot of this package, in its share folder."""
+SETTINGS = "config/checks.yaml"
+"""A file by which its share folder is found."""
 
 
 @lru_cache(maxsize=None)
 def share_folder() -> Path:
-    """Find the folder that holds ``config``, ``meshes`` and ``urdf``.
+    """Find the folder that holds ``config``, ``meshes``, ``motions`` and ``urdf``.
 
     Raises:
         DescriptionError: If there is none, as when only the code was copied.
@@ -34,11 +34,11 @@ def share_folder() -> Path:
     own = Path(__file__).resolve().parents[1]
     for above in own.parents:
         for folder in (above, above / "share" / PACKAGE):
-            if (folder / ROBOT).is_file():
+            if (folder / SETTINGS).is_file():
                 return folder
     raise DescriptionError(
         f"The data files of {PACKAGE} are missing: no folder above {own} has "
-        f"share/{PACKAGE}/{ROBOT}."
+        f"share/{PACKAGE}/{SETTINGS}."
     )
 
 

@@ -5,9 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import rospy
 
-from g1_description.errors import DescriptionError
 from g1_description.robot.assembly import Assembly
 from g1_description.robot.lumping import lump_fixed_joints
 from g1_description.robot.poses import (
@@ -18,8 +16,7 @@ from g1_description.robot.poses import (
     read_poses,
 )
 from g1_description.robot.rotation import from_rpy
-from g1_description.robot.urdf import parse_urdf
-from g1_description.ros.parameters import NAMESPACE, check_range
+from g1_description.ros.parameters import NAMESPACE, check_range, read_robot
 from g1_description.sim.engine import PhysicsProperties
 from g1_description.sim.standing import hanging_height, standing_height
 
@@ -55,6 +52,10 @@ class SpawnParameters:
     initial_pose: str = "zero"
     """Named pose at the start and after a reset."""
 
+    anchor: str = ""
+    """Link that [stays at its place](poses.md#an-anchor) while joints move in
+    ``kinematic``, or ``lowest_foot``; empty: none."""
+
 
 @dataclass(frozen=True)
 class SpawnerParameters(SpawnParameters):
@@ -85,8 +86,8 @@ class GazeboParameters:
     clear of the floor."""
 
     motors: str = ""
-    """File of the [motors](motions.md#tracked-by-motors) in ``hold``; empty:
-    ``config/motors.yaml`` for the G1, none for other robots."""
+    """File of the [motors](motions.md#tracked-by-motors) of all robots in ``hold``;
+    empty: those of each robot's [profile](robots.md)."""
 
     world: str = ""
     """World file (SDF) to load at the start; empty: a ground plane and a sun."""
@@ -131,13 +132,10 @@ def place_robot(
         G1DescriptionError: If there is no such robot or pose, or they don't match.
     """
     p = parameters
-    urdf = rospy.get_param(p.robot_description, None)
-    if not isinstance(urdf, str):
-        raise DescriptionError(f"The parameter {p.robot_description} has no URDF.")
-    description = parse_urdf(urdf)
+    description = read_robot(p.robot_description)
     assembly = lump_fixed_joints(description, is_dynamic)
     if p.initial_pose != ZERO:
-        pose = find_pose(p.initial_pose, read_poses())
+        pose = find_pose(p.initial_pose, read_poses(description))
         check_pose(pose, description)
         names = (joint.name for joint in description.movable_joints)
         begin = pose_positions(pose, description).tolist()

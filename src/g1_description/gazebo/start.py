@@ -17,7 +17,7 @@ from g1_description.files.model_files import find_model
 from g1_description.files.xml import decoded
 from g1_description.gazebo.parameters import INITIAL, GazeboParameters, place_robot
 from g1_description.gazebo.services.spawn import log_hulls
-from g1_description.motion.motors import g1_motors, read_motors
+from g1_description.motion.motors import read_motors
 from g1_description.robot.assembly import Assembly
 from g1_description.ros.master import SLAVE_API_ERRORS, slave_api_of
 from g1_description.ros.parameters import private_parameters
@@ -88,7 +88,7 @@ def make_world(parameters: GazeboParameters) -> tuple[World, GazeboParameters]:
     motors = None
     if parameters.physics == "hold":
         given = parameters.motors
-        motors = read_motors(Path(given)) if given else g1_motors()
+        motors = read_motors(Path(given)) if given else None
     world = World(parameters.physics, properties, content, motors)
     for line in (*notes, *world.left_out):
         rospy.logwarn("%s: %s", parameters.world, line)
@@ -153,6 +153,10 @@ def spawn_robot(world: World, parameters: GazeboParameters) -> None:
     assembly, pose = place_robot(parameters.spawn, fixed and dynamic, dynamic)
     for line in world.spawn(name, assembly, pose, fixed):
         rospy.logwarn("%s: %s", name, line)
+    try:
+        world.anchors.set(world.models[name], parameters.spawn.anchor)
+    except InvalidValueError as error:
+        rospy.logwarn("The anchor of %s is ignored: %s.", name, error)
     log_hulls(world.models[name])
     rospy.loginfo("%s: %s", name, figures(assembly, parameters.physics))
 
@@ -162,4 +166,5 @@ def figures(assembly: Assembly, physics: str) -> str:
     robot = assembly.description
     mass = "" if robot.mass is None else f" {robot.mass:.3f} kg,"
     joints, links = len(robot.movable_joints), len(assembly.link_names)
-    return f"{joints} joints, {links} links,{mass} {physics}"
+    profile = f"profile {robot.profile.name}" if robot.profile.name else "no profile"
+    return f"{joints} joints, {links} links,{mass} {physics}, {profile}"

@@ -22,8 +22,10 @@ from g1_description.importer.meshes import (
     Options,
     millimetres,
 )
+from g1_description.importer.profile import first_profile
 from g1_description.importer.robot import ImportedRobot, open_robot
 from g1_description.robot.load import ModelText, read_model
+from g1_description.robot.profile import FILE, user_folder
 
 
 def report(imported: Import, where: str) -> str:
@@ -123,7 +125,7 @@ class ImportOptions:
 
     model: str = argument(
         "URDF or xacro file, as for model:= of the launch files, or a folder, which is "
-        "searched for .urdf files with its subfolders",
+        "searched for .urdf files with its subfolders; or a profile",
         str,
         metavar="MODEL",
     )
@@ -160,7 +162,7 @@ def read_models(model: str) -> tuple[list[ModelText], list[str]]:
         DescriptionError: If there is no valid robot.
     """
     folder = named_path(model)
-    if not folder.is_dir():
+    if not folder.is_dir() or (folder / FILE).is_file():
         return [_read(model)], []
     names = _urdf_files(folder)
     if not names:
@@ -175,11 +177,7 @@ def read_models(model: str) -> tuple[list[ModelText], list[str]]:
         except DescriptionError as error:
             faults.append(str(error))
     if not models:
-        more = (
-            f" ({len(faults)} files, none of which is a robot)"
-            if len(faults) > 1
-            else ""
-        )
+        more = f" ({len(faults)} files, but no robot)" if len(faults) > 1 else ""
         raise DescriptionError(f"{faults[0]}{more}")
     return models, faults
 
@@ -244,12 +242,32 @@ def import_into(
     meshes = (ref.path for robot in robots for ref in robot.references if ref.path)
     folder.protect([*(robot.source for robot in robots), *meshes])
     folder.check([REPORT, *(robot.name for robot in robots)])
+    profile, use = _profile(folder, robots)
     prefix, where = mesh_prefix(folder.target)
     imported = Import(robots, options, prefix, folder.write, faults)
     with folder.completed():
         imported.run(ProgressLines())
+        for name, content in profile.items():
+            folder.write(name, content)
         folder.write(REPORT, report(imported, where).encode("utf-8"))
-    return f"{summary(imported)}\n{where}\nWritten: {folder.target}"
+    return f"{summary(imported)}\n{where}\n{use}\nWritten: {folder.target}"
+
+
+def _profile(
+    folder: Folder, robots: list[ImportedRobot]
+) -> tuple[dict[str, bytes], str]:
+    """Return the missing files of a profile, and a message on its use."""
+    if len(robots) > 1:
+        return {}, "Several robots have no profile: import one at a time to get it."
+    files = first_profile(robots[0])
+    target = folder.target
+    if os.path.lexists(target / FILE):  # it is the user's by now
+        files = {}
+    missing = {n: text for n, text in files.items() if not os.path.lexists(target / n)}
+    return missing, (
+        f"The folder is a profile to complete in {FILE}: robot:={folder.target}, or "
+        f"its name if it is in {user_folder()}."
+    )
 
 
 def run(arguments: list[str]) -> str:

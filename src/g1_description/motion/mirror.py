@@ -36,8 +36,8 @@ def mirrored(trajectory: Motion, robot: Description) -> Motion:
     """Exchange left and right.
 
     The mirror is the plane y = 0 of the map, for the base that of the robot. Joints
-    belong together by their names, such as ``left_knee_joint`` and
-    ``right_knee_joint``; their axes tell the sign.
+    belong together by their names, such as ``left_knee`` and
+    ``right_knee``; their axes tell the sign.
 
     Args:
         trajectory: The motion, of joints of the robot.
@@ -69,7 +69,7 @@ def other_side(name: str) -> str:
     """Name the joint of the other side; one of no side is its own counterpart.
 
     Args:
-        name: Such as ``left_knee_joint`` or ``R_elbow``.
+        name: Such as ``left_knee`` or ``R_elbow``.
     """
 
     def exchanged(match: re.Match[str]) -> str:

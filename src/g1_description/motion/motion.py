@@ -240,7 +240,7 @@ class Motion:
         if lost:
             tops = np.abs(self.positions).max(axis=0)
             each = listed(f"{name} (up to {tops[column[name]]:.3g})" for name in lost)
-            notes.append(f"Joints left out: {each}.")
+            notes.append(f"Ignored joints: {each}.")
         added = [name for name in joint_names if name not in column]
         if added:
             notes.append(f"Joints added at 0: {listed(added)}.")

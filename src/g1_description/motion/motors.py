@@ -13,12 +13,9 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 
 from g1_description.errors import MotorFileError
-from g1_description.files.model_files import share_folder
 from g1_description.files.yaml import YamlError, finite_number, read_yaml
+from g1_description.robot.description import Description
 from g1_description.text import listed
-
-G1_MOTORS = "config/motors.yaml"
-"""The motors of the G1 and its revisions, in the package's folder."""
 
 
 @dataclass(frozen=True)
@@ -48,25 +45,15 @@ NAMES = tuple(field.name for field in fields(Motor))
 
 
 class Motors:
-    """The motors of all robots of a world.
+    """The motors of a robot.
 
     Args:
         motors: By patterns of joint names.
-        robot: Restricts them to robots with this lower-case word in their name; empty:
-            any robot.
     """
 
-    def __init__(
-        self, motors: Mapping[str, Motor] | None = None, robot: str = ""
-    ) -> None:
+    def __init__(self, motors: Mapping[str, Motor] | None = None) -> None:
         patterns = (motors or {}).items()
         self._motors = [(re.compile(pattern), motor) for pattern, motor in patterns]
-        self._robot = robot
-
-    def are_for(self, robot: str) -> bool:
-        """Return whether they apply to a robot, by the name in its description."""
-        words = re.split("[^a-z0-9]+", robot.lower())
-        return not self._robot or self._robot in words
 
     def of(self, joint: str) -> Motor:
         """Return the motor of a joint, by default that of PyBullet."""
@@ -76,21 +63,18 @@ class Motors:
         return Motor()
 
 
-def g1_motors() -> Motors:
-    """Read the package's motors, which apply only to the G1.
+def motors_of(robot: Description) -> Motors:
+    """Read the motors of a robot's profile; without one, they are as in its URDF.
 
     Raises:
-        MotorFileError: If it cannot be read or is invalid.
+        MotorFileError: If the file cannot be read or is invalid.
     """
-    return read_motors(share_folder() / G1_MOTORS, "g1")
+    file = robot.profile.motors
+    return read_motors(file) if file else Motors()
 
 
-def read_motors(file: Path, robot: str = "") -> Motors:
+def read_motors(file: Path) -> Motors:
     """Read a file of motors.
-
-    Args:
-        file: The file.
-        robot: As for ``Motors``.
 
     Raises:
         MotorFileError: If it cannot be read or is invalid.
@@ -100,7 +84,7 @@ def read_motors(file: Path, robot: str = "") -> Motors:
         if not isinstance(content, dict):
             raise MotorFileError("it must map patterns of joint names to numbers")
         motors = {_pattern(key): _motor(key, content[key]) for key in content}
-        return Motors(motors, robot)
+        return Motors(motors)
     except (YamlError, MotorFileError) as error:
         raise MotorFileError(f"The file of motors {file}: {error}.") from error
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 
@@ -67,6 +68,9 @@ class Assembly:
     nested: tuple[str, ...] = ()
     """Names of nested models, such as ``inner::innermost``, with which the names of
     their links and joints begin."""
+
+    lumped: dict[str, str] = field(default_factory=dict)
+    """Bodies by the names of links that were lumped into them."""
 
     left_out: tuple[str, ...] = ()
     """Messages on elements of the file that are ignored or changed."""
@@ -187,3 +191,25 @@ def reference_links(
             reference, T_reference_body = known[body]
             found[link] = (reference, compose(T_reference_body, pose))
     return found
+
+
+def limbs_of(description: Description) -> dict[str, str]:
+    """Return the limb of each link, named by the first link of the limb.
+
+    A limb is a chain of movable joints up to the next branch, with all links that are
+    fixed to it: an arm, a leg, or the waist with the torso. A root is one of its own.
+    """
+    body = {
+        link: top
+        for tree in description.trees
+        for link, (top, _) in rigid_frames(tree).items()
+    }
+    joints = [*below(description.roots, description.joints)]
+    moving = [joint for joint in joints if body[joint.child] == joint.child]
+    branches = Counter(body[joint.parent] for joint in moving)
+    limb = {root: root for root in description.roots}
+    for joint in moving:
+        parent = body[joint.parent]
+        is_next = branches[parent] == 1 and parent not in description.roots
+        limb[joint.child] = limb[parent] if is_next else joint.child
+    return {link: limb[top] for link, top in body.items()}

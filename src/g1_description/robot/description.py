@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
+from g1_description.robot.profile import Profile, profile_of
 from g1_description.robot.rotation import rotate
 from g1_description.robot.tree import below
 from g1_description.text import listed
@@ -158,6 +159,22 @@ class Description:
     left_out: tuple[str, ...] = ()
     """Messages on ignored elements for simulators."""
 
+    given_profile: Profile | None = field(default=None, repr=False, compare=False)
+    """The profile that the user chose; None: the one that fits."""
+
+    @cached_property
+    def profile(self) -> Profile:
+        """What is known of it beside its file; only links that it has.
+
+        Raises:
+            ProfileError: If a profile cannot be read.
+        """
+        names = [joint.name for joint in self.movable_joints]
+        found = self.given_profile or profile_of(self.name, names)
+        own = {*self.link_names}
+        links = {role: link for role, link in found.links.items() if link in own}
+        return replace(found, links=links)
+
     @property
     def movable_joints(self) -> tuple[Joint, ...]:
         """Joints with one degree of freedom, in the order of the file."""
@@ -191,7 +208,13 @@ class Description:
         for joint in self.joints:
             joints[owner[joint.child]].append(joint)
         return tuple(
-            Description(self.name, root, tuple(links[root]), tuple(joints[root]))
+            Description(
+                self.name,
+                root,
+                tuple(links[root]),
+                tuple(joints[root]),
+                given_profile=self.given_profile,
+            )
             for root in roots
         )
 

@@ -16,6 +16,9 @@ from g1_description.text import listed, similar_first
 
 PHYSICS = ("kinematic", "hold", "limp")
 
+LOWEST_FOOT = "lowest_foot"
+"""Anchor that is the lower one of the robot's feet."""
+
 CHOICES = {"sim": ("standin", "gazebo"), "physics": PHYSICS}
 """Allowed values by argument."""
 
@@ -33,7 +36,7 @@ BOOLEANS = {
 NUMBERS = ("x", "y", "z", "R", "P", "Y", "rate")
 """Arguments that are numbers or empty."""
 
-FILES = ("motors", "thresholds", "rvizconfig")
+FILES = ("motors", "collisions", "thresholds", "rvizconfig")
 """Arguments that are files or empty."""
 
 

@@ -15,6 +15,7 @@ from g1_description.files.model_files import find_folder
 from g1_description.files.uris import with_absolute_uris
 from g1_description.files.xml import check_size, decoded
 from g1_description.robot.description import Description
+from g1_description.robot.profile import Profile, find_profile, is_profile
 from g1_description.robot.urdf import parse_urdf
 
 UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
@@ -39,8 +40,9 @@ def read_model(requested: str) -> ModelText:
     """Read a robot description.
 
     Args:
-        requested: URDF or xacro file as a path, ``package://`` or ``file://``; for
-            xacro optionally followed by arguments: ``robot.urdf.xacro hand=true``.
+        requested: A profile's name or folder; or a URDF or xacro file as a path,
+            ``package://`` or ``file://``, for xacro optionally followed by arguments:
+            ``robot.urdf.xacro hand=true``.
 
     Returns:
         The robot, checked.
@@ -48,7 +50,8 @@ def read_model(requested: str) -> ModelText:
     Raises:
         DescriptionError: If the file cannot be read, or is not a robot.
     """
-    name, arguments = split_arguments(requested)
+    profile = find_profile(requested) if is_profile(requested) else None
+    name, arguments = split_arguments(_model_of(profile) if profile else requested)
     path = find_model_file(name)
     text = _read(path)
     if path.suffix == ".xacro":
@@ -58,7 +61,18 @@ def read_model(requested: str) -> ModelText:
             f"{path.name} is not a .xacro file and takes no arguments (got "
             f"{', '.join(arguments)})."
         )
-    return ModelText(path, text, parse_urdf(text))
+    description = replace(parse_urdf(text), given_profile=profile)
+    return ModelText(path, text, description)
+
+
+def _model_of(profile: Profile) -> str:
+    """Return the URDF of a profile."""
+    if not profile.model:
+        raise DescriptionError(
+            f"the profile {profile.name} names no URDF; give the robot's own file "
+            f"instead, such as /path/to/{profile.names[0]}.urdf"
+        )
+    return profile.model
 
 
 def _read(path: Path) -> str:
@@ -113,6 +127,13 @@ def absolute_urdf(requested: str) -> str:
     return read_absolute(requested).text
 
 
+def read_description(requested: str) -> Description:
+    """Return the robot of ``read_absolute``, whose meshes are found from anywhere."""
+    model = read_absolute(requested)
+    profile = model.description.given_profile
+    return replace(parse_urdf(model.text), given_profile=profile)
+
+
 def read_absolute(requested: str) -> ModelText:
     """Read a robot, and make its mesh URIs absolute.
 
@@ -130,5 +151,6 @@ def read_absolute(requested: str) -> ModelText:
         file = model.path
         text = with_absolute_uris(model.text, file.parent, find_folder, file.stem)
     except G1DescriptionError as error:
-        raise DescriptionError(f"Cannot use the model {requested}: {error}") from error
+        why = str(error).rstrip(".")
+        raise DescriptionError(f"Cannot use the model {requested}: {why}.") from error
     return replace(model, text=text)

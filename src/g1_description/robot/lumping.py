@@ -140,6 +140,7 @@ def lump_fixed_joints(description: Description, is_dynamic: bool = True) -> Asse
         description=robot,
         root_poses=_root_poses(description.root, joints, robot.roots),
         static=description.static,
+        lumped={link: body for link, (body, _) in frames.items() if link != body},
         left_out=(
             *description.left_out,
             *_mass_clauses(description, frames, massless, is_dynamic),
@@ -195,6 +196,7 @@ def _robot(
         root=root,
         links=tuple(bodies[name] for name in names),
         joints=held,
+        given_profile=description.profile,  # it may have lost joints by which it fits
     )
 
 

@@ -16,7 +16,12 @@ from ruamel.yaml.nodes import ScalarNode
 from ruamel.yaml.representer import RoundTripRepresenter
 from ruamel.yaml.scalarbool import ScalarBoolean
 
-from g1_description.errors import InvalidValueError, PoseFileError, UnknownNameError
+from g1_description.errors import (
+    G1DescriptionError,
+    InvalidValueError,
+    PoseFileError,
+    UnknownNameError,
+)
 from g1_description.files.atomic import write_whole
 from g1_description.files.model_files import PACKAGE, ros_home, share_folder
 from g1_description.files.yaml import finite_number, yaml_problem
@@ -115,32 +120,43 @@ def pose_positions(pose: Pose, description: Description) -> np.ndarray:
     return np.clip(positions, lower, upper)
 
 
-def package_file() -> Path:
-    """Return the file of the package's poses."""
-    return share_folder() / "config" / "poses.yaml"
+def fits(pose: Pose, description: Description) -> bool:
+    """Return whether a pose fits a robot, as by ``check_pose``."""
+    try:
+        check_pose(pose, description)
+    except G1DescriptionError:
+        return False
+    return True
 
 
 def user_file() -> Path:
-    """Return the file of the user's poses, which need not exist."""
+    """Return the file of the user's poses of all robots, which need not exist."""
     return ros_home() / PACKAGE / "poses.yaml"
 
 
-def read_poses(file: Path | None = None) -> dict[str, Pose]:
-    """Read the package's and the user's poses; the user's take precedence.
+def read_poses(robot: Description, file: Path | None = None) -> dict[str, Pose]:
+    """Read the poses of a robot: ``zero``, those of its profile, and the user's.
+
+    The user's take precedence, unless only the profile's fits the robot.
 
     Args:
-        file: A file that must exist; None: the user's, if it exists.
+        robot: The robot.
+        file: The user's file, which must exist; None: the usual one, if it exists.
 
     Returns:
-        The poses by name.
+        The poses by name; those of the user's other robots do not fit.
 
     Raises:
         G1DescriptionError: If a file cannot be read or is invalid.
     """
+    poses = {ZERO: Pose(ZERO, about="all joints at 0", place="the package")}
+    if robot.profile.poses:
+        poses.update(read_file(robot.profile.poses))
     own = file or user_file()
-    poses = read_file(package_file())
     if file or own.exists():
-        poses.update(read_file(own))
+        for name, pose in read_file(own).items():
+            if name not in poses or fits(pose, robot):
+                poses[name] = pose
     return poses
 
 
@@ -181,7 +197,7 @@ def save_pose(pose: Pose, file: Path) -> None:
         G1DescriptionError: If it is in the package, or cannot be read or written.
     """
     file = file.resolve()
-    if package_file().resolve().parents[1] in file.parents:
+    if share_folder().resolve() in file.parents:
         raise PoseFileError(
             f"Cannot save to {file}, which belongs to the package {PACKAGE}. The "
             f"default is {user_file()}."

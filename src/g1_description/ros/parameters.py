@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 
 import rosgraph
 import rospy
 
-from g1_description.errors import InvalidValueError
+from g1_description.errors import DescriptionError, InvalidValueError
+from g1_description.robot.description import Description
+from g1_description.robot.profile import find_profile
+from g1_description.robot.urdf import parse_urdf
 from g1_description.ros.waiting import MASTER_PERIOD, wait_until
 
 NAMESPACE = "namespace"
@@ -106,6 +109,28 @@ def _converted(name, value, default):
     kind = "list" if isinstance(default, tuple) else type(default).__name__
     example = "" if isinstance(default, tuple) else f" like {default!r}"
     raise InvalidValueError(f"~{name} must be a {kind}{example} (got {value!r}).")
+
+
+PROFILE = "_profile"
+"""End of the name of the parameter with the profile of a robot."""
+
+
+def read_robot(parameter: str) -> Description:
+    """Read a robot from the parameter server.
+
+    Args:
+        parameter: Its URDF. The launch files write next to it, as ``_profile``, the
+            profile that ``robot:=`` chose; without one it is found by the URDF.
+
+    Raises:
+        G1DescriptionError: If it is not a robot, or there is no such profile.
+    """
+    urdf = rospy.get_param(parameter, None)
+    if not isinstance(urdf, str):
+        raise DescriptionError(f"The parameter {parameter} has no URDF.")
+    chosen = rospy.get_param(parameter + PROFILE, "")
+    profile = find_profile(str(chosen)) if chosen else None
+    return replace(parse_urdf(urdf), given_profile=profile)
 
 
 def find_parameter(name: str, namespace: str = "") -> str | None:

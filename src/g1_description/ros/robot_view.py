@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 
 import rosgraph
 import rospy
@@ -13,13 +14,12 @@ from g1_description.errors import DescriptionError, InvalidValueError
 from g1_description.robot.assembly import WORLD, base_of
 from g1_description.robot.description import Description
 from g1_description.robot.state import RobotState
-from g1_description.robot.urdf import parse_urdf
 from g1_description.ros.log import ThrottledLog
-from g1_description.ros.parameters import wait_for_parameter
+from g1_description.ros.parameters import read_robot, wait_for_parameter
 from g1_description.ros.playing import MotionClient
 from g1_description.ros.robot_states import RobotStates
-from g1_description.ros.waiting import NoAnswerError, wait_until
-from g1_description.srv import PlayMotion
+from g1_description.ros.waiting import NoAnswerError, RefusedError, wait_until
+from g1_description.srv import PlayMotion, SetAnchor
 
 MAP = "map"
 
@@ -45,7 +45,8 @@ class RobotView:
     """Follows one robot.
 
     Subscribes: robot_state, or joint_states and TF, as ``RobotStates`` does.
-    Calls: play_motion (g1_description/PlayMotion)
+    Calls: play_motion (g1_description/PlayMotion), set_anchor
+        (g1_description/SetAnchor)
     Reads: robot_description, searched for upward from the robot's namespace.
     """
 
@@ -73,6 +74,8 @@ class RobotView:
             raise NoAnswerError(f"The ROS master does not answer: {error}.") from error
         service = rospy.ServiceProxy(f"{self._prefix}play_motion", PlayMotion)
         self.motions = MotionClient(service)
+        self._set_anchor = rospy.ServiceProxy(f"{self._prefix}set_anchor", SetAnchor)
+        self._anchor_before: str | None = None
         self._joints = {joint.name for joint in self.description.movable_joints}
         self._notify = notify
         self._state: RobotState | None = None
@@ -224,6 +227,47 @@ class RobotView:
             return f"no messages on {self.topic} after {last:g} s; is time paused?"
         return f"no messages on {self.topic}; is a simulator running and unpaused?"
 
+    @contextmanager
+    def anchored(self, link: str | None) -> Iterator[None]:
+        """Keep a link at its place while joints move meanwhile.
+
+        Args:
+            link: A link, or ``lowest_foot``; empty: none; None: as before.
+
+        Raises:
+            RefusedError: If there is no such link, or physics is not ``kinematic``.
+            NoAnswerError: If the bridge does not answer.
+        """
+        if link is not None:
+            self._anchor_before = self._anchor(link)
+        try:
+            yield
+        finally:
+            self.restore_anchor()
+
+    def _anchor(self, link: str) -> str:
+        """Set the anchor; return that before."""
+        try:
+            answer = self._set_anchor(link_name=link)
+        except (rospy.ServiceException, OSError) as error:
+            name = self._set_anchor.resolved_name
+            raise NoAnswerError(
+                f"{name} does not answer; is the bridge running? {error}"
+            ) from error
+        if not answer.success:
+            raise RefusedError(f"The anchor was refused: {answer.status_message}.")
+        return answer.previous
+
+    def restore_anchor(self) -> None:
+        """Set the anchor as it was before ``anchored``, also before a shutdown.
+
+        Raises:
+            G1DescriptionError: If the bridge does not answer.
+        """
+        before, self._anchor_before = self._anchor_before, None
+        if before is not None:
+            self._anchor(before)
+
     def close(self) -> None:
         """Unsubscribe."""
         self._states.close()
@@ -249,4 +293,4 @@ def wait_for_description(namespace: str, notify: Callable[[str], None]) -> Descr
     )
     if not parameter:
         raise DescriptionError(f"No {place}; is the robot launched?")
-    return parse_urdf(str(rospy.get_param(parameter)))
+    return read_robot(parameter)

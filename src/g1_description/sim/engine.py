@@ -269,8 +269,8 @@ def make_engine(
     Args:
         physics: One of ``PHYSICS``.
         properties: The physics properties.
-        motors: Motors of the joints in ``hold`` physics; None: with the effort limits
-            of the robots' files.
+        motors: Motors of the joints in ``hold`` physics; None: those of each robot's
+            profile.
 
     Raises:
         UnknownNameError: If there is no such physics.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Callable, Tuple
 
 import numpy as np
@@ -15,7 +16,7 @@ from g1_description.robot.assembly import WORLD, Assembly
 from g1_description.robot.description import Link
 from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.rotation import cross, rotate
-from g1_description.robot.transform import compose, inverse
+from g1_description.robot.transform import IDENTITY, compose, inverse
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,9 +175,7 @@ class Model:
         """Velocities of the movable joints in [rad/s] or [m/s], shape (n_joints,)."""
         self.target = np.array(self.position)
         """Last commanded positions, the motors' targets, shape (n_joints,)."""
-        n_links = len(self.link_names)
         self._links: States | Callable[[], States]
-        self._links = np.zeros((n_links, 7)), np.zeros((n_links, 6))
         self._placed: Callable[[], States] | None = None
         self._update_links()
 
@@ -240,16 +239,39 @@ class Model:
         return links
 
     def _update_links(self) -> None:
-        """Compute all links' poses and twists from the roots and the joints."""
-        if self.kinematics is None:
-            return
-        if self.root_twists.any() or self.velocity.any():
-            self._links = self.kinematics.link_states(
-                self.root_poses, self.position, self.root_twists, self.velocity
-            )
-        else:
-            poses = self.kinematics.link_poses(self.root_poses, self.position)
-            self._links = poses, np.zeros((len(self.link_names), 6))
+        """Set all links' poses and twists to those of the roots and the joints.
+
+        They are computed on demand: often the next step comes first.
+        """
+        now = self.root_poses, self.root_twists, self.position, self.velocity
+        self._links = partial(self._states, *map(np.array, now))
+
+    def _states(
+        self,
+        roots: np.ndarray,
+        root_twists: np.ndarray,
+        position: np.ndarray,
+        velocity: np.ndarray,
+    ) -> States:
+        """Compute all links' poses and twists from those of roots and joints."""
+        kinematics = self.kinematics
+        if kinematics is None:
+            return np.zeros((0, 7)), np.zeros((0, 6))
+        if root_twists.any() or velocity.any():
+            return kinematics.link_states(roots, position, root_twists, velocity)
+        poses = kinematics.link_poses(roots, position)
+        return poses, np.zeros((len(self.link_names), 6))
+
+    def states_in_roots(self) -> States:
+        """Compute all links' poses and twists in the frames of their roots.
+
+        Returns:
+            Poses, shape (n_links, 7), and twists relative to the roots along the
+            roots' axes, shape (n_links, 6).
+        """
+        roots = np.tile(IDENTITY, (len(self.trees), 1))
+        still = np.zeros((len(self.trees), 6))
+        return self._states(roots, still, self.position, self.velocity)
 
     def set_positions(self, positions: Mapping[str, float]) -> Report:
         """Teleport joints: the links below move rigidly and stand still.
@@ -324,6 +346,18 @@ class Model:
         if desired.base_pose is not None:
             self.root_poses[0] = desired.base_pose
             self.root_twists[0] = desired.base_twist
+        self._update_links()
+
+    def set_root(self, number: int, pose: np.ndarray, twist: np.ndarray) -> None:
+        """Set pose and twist of a root frame; its joints keep their velocities.
+
+        Args:
+            number: Index of the tree.
+            pose: In the world, shape (7,).
+            twist: Velocity of its origin and angular velocity, along the world's axes,
+                shape (6,).
+        """
+        self.root_poses[number], self.root_twists[number] = pose, twist
         self._update_links()
 
     def set_joint(self, row: int, position: float, velocity: float) -> None:

@@ -15,6 +15,7 @@ from g1_description.motion.tracking import (
     TrackingRecorder,
     TrackingReport,
 )
+from g1_description.sim.anchor import Anchors
 from g1_description.sim.engine import Engine
 from g1_description.sim.model import Model, Report
 
@@ -109,11 +110,17 @@ class Motions:
     """The motions of all models.
 
     In ``kinematic`` physics they set joints and base at each step; in ``hold`` they set
-    the motors' targets and are tracked, and physics moves the base.
+    the motors' targets and are tracked, and physics moves the base. Motions of joints
+    alone move the base of a model that has an anchor.
     """
 
-    def __init__(self, engine: Engine, fall_limits: FallLimits | None = None) -> None:
-        self._engine = engine
+    def __init__(
+        self,
+        engine: Engine,
+        anchors: Anchors,
+        fall_limits: FallLimits | None = None,
+    ) -> None:
+        self._engine, self._anchors = engine, anchors
         self.fall_limits = fall_limits
         """Definition of a fall, for motions that start from now on."""
         self._playlists: dict[Model, Playlist] = {}
@@ -162,6 +169,7 @@ class Motions:
                 f"{model.name} has no movable joint {', '.join(unknown)}"
             )
         rows = model.joint_rows(names or model.joint_names)
+        moved_base = self.moves_base(model)
         playlist = self._playlists.get(model)
         for playback in playlist.moving() if playlist else ():
             stopped = np.intersect1d(playback.rows, np.array(rows, dtype=int))
@@ -170,6 +178,19 @@ class Motions:
             root = (model.root_poses[0], np.zeros(6)) if base else ()
             self._set(model, Setpoint(stopped, *still, *root))
         self.release(model, rows, base=not names)
+        self._settle(model, moved_base)
+
+    def moves_base(self, model: Model) -> bool:
+        """Return whether a motion moves the base of a model now."""
+        playlist = self._playlists.get(model)
+        return any(one.moves_base for one in playlist.moving()) if playlist else False
+
+    def _settle(self, model: Model, moved_base: bool) -> None:
+        """Let the base follow an anchor, or keep the anchor where a path ended."""
+        if not moved_base:
+            self._anchors.hold(model)
+        elif not self.moves_base(model):
+            self._anchors.renew(model)
 
     def release(
         self, model: Model, rows: Collection[int] = (), base: bool = False
@@ -192,11 +213,14 @@ class Motions:
         for model, playlist in [*self._playlists.items()]:
             if playlist.is_waiting:
                 playlist.begin(time_ns, _state(model))
-            for playback in playlist.moving():
+            moving, moved_base = playlist.moving(), self.moves_base(model)
+            for playback in moving:
                 desired = self._set(model, playback.setpoint(time_ns))
                 if self._engine.is_dynamic and not playback.is_single:
                     self._expect(model, playback, desired)
             playlist.drop_over(time_ns)
+            if moving:
+                self._settle(model, moved_base)
             if not playlist:
                 del self._playlists[model]
 

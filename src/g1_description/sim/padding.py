@@ -92,7 +92,7 @@ def _way(
             needed = max(needed, PEAK * change / limit)
     if needed / period > MAX_SAMPLES:
         raise InvalidValueError(
-            f"The way would have {needed / period:.0f} samples at the motion's "
+            f"The transition would have {needed / period:.0f} samples at the motion's "
             f"{1.0 / period:g} Hz; the limit is {MAX_SAMPLES}. Resample the motion."
         )
     count = max(2, math.ceil(needed / period - 1e-9))

@@ -36,8 +36,7 @@ class Conditions:
     """The conditions of a rollout, by default the simulator's."""
 
     motors: Motors | None = None
-    """Motors of the joints; None: with the effort limits of the robot's file. The
-    simulator uses ``config/motors.yaml`` for the G1."""
+    """Motors of the joints; None: those of the robot's profile."""
 
     properties: PhysicsProperties = field(default_factory=PhysicsProperties)
     fall_limits: FallLimits = field(default_factory=FallLimits)

@@ -12,7 +12,7 @@ from g1_description.errors import DescriptionError, MotionError
 from g1_description.motion.edit import moved
 from g1_description.motion.motion import Motion
 from g1_description.robot.assembly import WORLD, Assembly
-from g1_description.robot.description import Description, origin_reaches
+from g1_description.robot.description import Description, Link, origin_reaches
 from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.rotation import conjugate, rotate
 from g1_description.robot.transform import IDENTITY, compose
@@ -141,14 +141,31 @@ def lowest_heights(robot: Description, trajectory: Motion) -> np.ndarray:
     lowest = []
     links = [link for link in robot.links if link.name != WORLD]
     for row, link in enumerate(links):
-        shapes = link.collisions or link.visuals
-        meshes, _ = find_meshes(shapes)
-        for shape in shapes:
-            if shape.kind != "plane" and is_there(shape, meshes):
-                points, radius = outline(shape, meshes)
-                points = shape.pose[:3] + rotate(shape.pose[3:], points)
-                lowest.append(_lowest(poses[:, row], points) - radius)
+        for points, radius in _outlines(link):
+            lowest.append(_lowest(poses[:, row], points) - radius)
     return np.min(lowest or [poses[..., 2].min(axis=1)], axis=0)
+
+
+def outlines(link: Link) -> tuple[np.ndarray, np.ndarray]:
+    """Outline a link by its collision shapes, or else by its visual ones.
+
+    Returns:
+        Points in the frame of the link, shape (n, 3), and the radii around them, shape
+        (n,), in [m]; its origin if it has no shapes.
+    """
+    found = [*_outlines(link)] or [(np.zeros((1, 3)), 0.0)]
+    radii = [np.full(len(points), radius) for points, radius in found]
+    return np.concatenate([points for points, _ in found]), np.concatenate(radii)
+
+
+def _outlines(link: Link) -> Iterator[tuple[np.ndarray, float]]:
+    """Outline each shape of a link: points in the link's frame, and their radius."""
+    shapes = link.collisions or link.visuals
+    meshes, _ = find_meshes(shapes)
+    for shape in shapes:
+        if shape.kind != "plane" and is_there(shape, meshes):
+            points, radius = outline(shape, meshes)
+            yield shape.pose[:3] + rotate(shape.pose[3:], points), radius
 
 
 def on_floor(robot: Description, motion: Motion) -> Motion:

@@ -21,6 +21,7 @@ from g1_description.robot.description import Description, Inertial
 from g1_description.robot.lumping import impossible_inertias
 from g1_description.robot.transform import compose
 from g1_description.sdf.world import EMPTY_WORLD, Light, Sdf, read_sdf
+from g1_description.sim.anchor import Anchors
 from g1_description.sim.engine import PhysicsProperties, make_engine
 from g1_description.sim.entities import (
     Entities,
@@ -66,7 +67,8 @@ class World:
             properties: The physics properties; by default Gazebo's.
             content: Models and lights; by default a ground plane and a sun. A model
                 that cannot be loaded is ignored.
-            motors: Motors of the joints in ``hold``, bounded by the robots' files.
+            motors: Motors of the joints in ``hold``, bounded by the robots' files;
+                None: those of each robot's profile.
 
         Raises:
             UnknownNameError: If there is no such physics.
@@ -79,7 +81,9 @@ class World:
         self.engine = make_engine(physics, properties or PhysicsProperties(), motors)
         self.forces = ForceSchedule(self.is_dynamic)
         """Current and future wrenches and efforts."""
-        self.motions = Motions(self.engine)
+        self.anchors = Anchors(physics)
+        """Links that keep their poses while joints move."""
+        self.motions = Motions(self.engine, self.anchors)
         """Current and future motions."""
         content = content or read_sdf(EMPTY_WORLD)
         self.time_ns = round(content.time * 1e9)
@@ -97,7 +101,7 @@ class World:
                 for message in self.spawn(model.name, model.assembly, model.pose):
                     left_out.append(f"{model.name}: {message}")
             except DescriptionError as error:
-                left_out.append(f"model {model.name} is left out: {error}".rstrip("."))
+                left_out.append(f"model {model.name} is ignored: {error}".rstrip("."))
         return left_out
 
     @cached_property
@@ -239,6 +243,7 @@ class World:
         model = self.model(name)
         self.forces.forget(model)
         self.motions.forget(model)
+        self.anchors.forget(model)
         self.engine.remove(name)
         del self.models[name]
         self._forget_names()
@@ -261,6 +266,8 @@ class World:
     def set_joint_positions(self, name: str, positions: Mapping[str, float]) -> Report:
         """Teleport joints of a model; in ``hold`` these are the motors' targets.
 
+        With an anchor the base moves, too.
+
         Args:
             name: The model.
             positions: In [rad] or [m], by joint name.
@@ -276,6 +283,8 @@ class World:
         report = model.set_positions(positions)
         self.engine.write_joints(model, report.changed)
         self.motions.release(model, model.joint_rows(positions))
+        if not self.motions.moves_base(model):
+            self.anchors.hold(model)
         return report
 
     def set_model_state(
@@ -293,6 +302,7 @@ class World:
         pose, twist = in_world(frame, pose, twist)
         model.set_state(pose, twist * self.is_dynamic)
         self.motions.release(model, base=True)
+        self.anchors.renew(model)
         self.engine.write(model)
 
     def set_root_state(
@@ -309,6 +319,7 @@ class World:
         """
         model.set_root_state(pose, twist * self.is_dynamic, tree)
         self.motions.release(model, base=tree == 0)
+        self.anchors.renew(model)
         self.engine.write(model)
 
     def set_link_state(
@@ -337,6 +348,7 @@ class World:
         placed = place_link(entity, joint, pose, twist * self.is_dynamic)
         rows = model.joint_rows([placed.joint])
         self.motions.release(model, rows)
+        self.anchors.renew(model)
         self.engine.write_joints(model, rows)
         return placed
 
@@ -383,6 +395,7 @@ class World:
         for model in self.models.values():
             self.motions.forget(model)
             model.return_home()
+            self.anchors.renew(model)
             self.engine.write(model)
 
     def reset(self) -> None:
@@ -392,9 +405,10 @@ class World:
         """
         self.time_ns = 0
         self.forces = ForceSchedule(self.is_dynamic)
-        self.motions = Motions(self.engine, self.motions.fall_limits)
+        self.motions = Motions(self.engine, self.anchors, self.motions.fall_limits)
         for model in self.models.values():
             model.reset()
+            self.anchors.renew(model)
         self.engine.rebuild(self.models.values())
 
     def contacts(self) -> set[tuple[str, str]]:

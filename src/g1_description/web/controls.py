@@ -12,7 +12,7 @@ import numpy as np
 
 from g1_description.bounds import MAX_VALUE
 from g1_description.checks.rule import units
-from g1_description.errors import G1DescriptionError, InvalidValueError
+from g1_description.errors import InvalidValueError
 from g1_description.robot.description import Joint, by_limb
 from g1_description.robot.poses import (
     ZERO,
@@ -20,6 +20,7 @@ from g1_description.robot.poses import (
     check_name,
     check_pose,
     find_pose,
+    fits,
     pose_positions,
     read_poses,
     save_pose,
@@ -370,12 +371,13 @@ class PosePanel:
 
     def _names(self) -> list[str]:
         """List the poses that fit the robot."""
-        return [n for n, pose in read_poses().items() if _fits(pose, self._robot)]
+        robot = self._robot.description
+        return [n for n, pose in read_poses(robot).items() if fits(pose, robot)]
 
     def _take(self) -> None:
         """Move the robot to the selected pose, read again from the file."""
-        pose = find_pose(self._poses.value, read_poses())
         robot = self._robot.description
+        pose = find_pose(self._poses.value, read_poses(robot))
         check_pose(pose, robot)
         names = [joint.name for joint in robot.movable_joints]
         goal = dict(zip(names, pose_positions(pose, robot).tolist()))
@@ -395,7 +397,7 @@ class PosePanel:
         check_name(name)
         if name == ZERO:
             raise InvalidValueError(f"{ZERO} is a built-in pose: choose another name.")
-        if name in read_poses() and not self._replace.value:
+        if name in read_poses(self._robot.description) and not self._replace.value:
             raise InvalidValueError(
                 f"The pose {name} already exists; tick Replace to overwrite it."
             )
@@ -406,12 +408,3 @@ class PosePanel:
         self._replace.value = False
         self._poses.options = tuple(self._names())
         self._ui.tell(f"Saved pose {name} in {user_file()}.", "green")
-
-
-def _fits(pose: Pose, robot: ShownRobot) -> bool:
-    """Return whether a pose fits a robot."""
-    try:
-        check_pose(pose, robot.description)
-    except G1DescriptionError:
-        return False
-    return True

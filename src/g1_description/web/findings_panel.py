@@ -124,8 +124,9 @@ def shown_time(time: float) -> str:
 
 def summary(verdict: Verdict) -> str:
     """Format a verdict in Markdown, with the skipped checks."""
-    failures = sum(finding.severity == FAILED for finding in verdict.findings)
-    warnings = len(verdict.findings) - failures
+    severities = [worst_of(findings).severity for findings in verdict.causes]
+    failures = severities.count(FAILED)
+    warnings = len(severities) - failures
     counts = [
         f"{count} {word}{'s' if count > 1 else ''}"
         for count, word in ((failures, "failure"), (warnings, "warning"))

@@ -189,7 +189,7 @@ class Library:
         return chosen[KEEP], chosen[EXCLUDE]
 
 
-NO_REPORT = "{} is no report as check writes it, with --csv or --json."
+NO_REPORT = "{} is not a report of check --csv or --json."
 
 NOT_AS_WRITTEN = (
     *(csv.Error, ValueError, LookupError, TypeError, AttributeError, RecursionError),

@@ -16,10 +16,12 @@ import rospy
 
 from g1_description.bridge.parameters import wait_for_descriptions
 from g1_description.checks.checker import Checker
+from g1_description.collisions.find_pairs import collisions_of
 from g1_description.errors import G1DescriptionError, MotionError
 from g1_description.motion.edit import minimum_jerk_trajectory
 from g1_description.motion.files.formats import read_motion
 from g1_description.motion.motion import Motion
+from g1_description.robot.description import Description
 from g1_description.ros.lifecycle import at_shutdown, start_node
 from g1_description.ros.log import ThrottledLog
 from g1_description.ros.master import stay_registered
@@ -127,11 +129,12 @@ def make_show(parameters: WebParameters) -> Show:
     simulator = LiveSimulator(parameters.gazebo) if parameters.gazebo else None
     world = LiveWorld(robots, simulator, changed, parameters.ghost, parameters.controls)
     thresholds = parameters.read_thresholds()
-    return Show(
-        world,
-        parameters.server,
-        lambda robot: Checker(robot, thresholds),
-    )
+    file = Path(parameters.collisions) if parameters.collisions else None
+
+    def make_checker(robot: Description) -> Checker:
+        return Checker(robot, thresholds, collisions=collisions_of(robot, file))
+
+    return Show(world, parameters.server, make_checker)
 
 
 def main() -> None:

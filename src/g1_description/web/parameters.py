@@ -24,8 +24,8 @@ class WebParameters:
     """0: any that is free."""
 
     token: str = ""
-    """The token; empty: a new one at each start. Whoever reaches the master reads
-    it."""
+    """The token; empty: a new one at each start. Anyone who can reach the master can
+    read it."""
 
     read_only: bool = False
     """Show, and take nothing from browsers."""
@@ -55,15 +55,21 @@ class WebParameters:
     ghost: bool = False
     """Whether the bridge publishes the commanded configuration."""
 
+    collisions: str = ""
+    """File of [allowed collisions](checks.md#allowed-pairs); empty: that of the robot's
+    [profile](robots.md), or what is found."""
+
     thresholds: str = ""
     """File of the checks' thresholds; empty: ``config/checks.yaml``."""
 
     def __post_init__(self) -> None:
         """Check files."""
-        if self.thresholds and not Path(self.thresholds).is_absolute():
-            raise InvalidValueError(
-                f"~thresholds is '{self.thresholds}', which is not an absolute path."
-            )
+        for name in ("thresholds", "collisions"):
+            file = getattr(self, name)
+            if file and not Path(file).is_absolute():
+                raise InvalidValueError(
+                    f"~{name} must be an absolute path (got '{file}')."
+                )
 
     @property
     def each_robot(self) -> tuple[RobotParameters, ...]:

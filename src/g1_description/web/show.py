@@ -86,7 +86,7 @@ def positions_of(robot: ShownRobot) -> dict[str, float]:
     """
     state = robot.state()
     if state is None:
-        raise InvalidValueError("No state of the robot has come yet.")
+        raise InvalidValueError("No state of the robot has been received yet.")
     return known(state.positions_by_name, robot)
 
 
@@ -117,4 +117,4 @@ def tell_address(
     tell(f"open {show.address}")
     if "token=" in show.address:
         may = "sees" if options.read_only else "moves"
-        tell(f"Whoever has this address {may} the robot.")
+        tell(f"Anyone with this address {may} the robot.")

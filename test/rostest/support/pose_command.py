@@ -5,9 +5,9 @@ import subprocess
 
 import yaml
 
-from .ros_testing import DEADLINE, REPOSITORY, program
+from .ros_testing import DEADLINE, PROFILE, program
 
-POSES = yaml.safe_load((REPOSITORY / "config" / "poses.yaml").read_text())
+POSES = yaml.safe_load((PROFILE / "poses.yaml").read_text())
 KNEE = "left_knee_joint"
 
 

@@ -21,6 +21,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # of all tests
 from waiting import DEADLINE, wait_for
 
 REPOSITORY = Path(__file__).resolve().parents[3]
+PROFILE = REPOSITORY / "config" / "robots" / "g1_29dof"
 SHARED = REPOSITORY.parent / "shared"
 
 

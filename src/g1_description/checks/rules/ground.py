@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from g1_description.checks.causes import BY_TIME
 from g1_description.checks.ground_contacts import GroundFrames
 from g1_description.checks.intervals import runs
 from g1_description.checks.measured import Measured
@@ -99,6 +100,7 @@ def _float_heights(measured: Measured) -> np.ndarray:
 
 PENETRATION = Rule(
     name="penetration",
+    grouping=BY_TIME,
     about="links that penetrate the floor",
     level=Level(0.006, 0.01),
     limit="m, depth in the floor; more than the 5 mm of some retargeters",
@@ -125,6 +127,7 @@ FLOATING = Rule(
 )
 SKATING = Rule(
     name="skating",
+    grouping=BY_TIME,
     about="links that slide while they touch the floor",
     level=Level(0.08, 0.15),
     limit="m/s along the floor",

@@ -11,6 +11,7 @@ import os
 import posixpath
 import socket
 import sys
+from dataclasses import replace
 from http.client import HTTPException
 from pathlib import Path
 from xml.parsers.expat import ExpatError
@@ -24,6 +25,7 @@ from g1_description.errors import (
 )
 from g1_description.robot.description import Description
 from g1_description.robot.launch_arguments import (
+    LOWEST_FOOT,
     check_arguments,
     check_for_empty,
     check_trails,
@@ -33,6 +35,7 @@ from g1_description.robot.launch_arguments import (
 )
 from g1_description.robot.load import read_absolute
 from g1_description.robot.poses import ZERO, check_pose, find_pose, read_poses
+from g1_description.robot.profile import DEFAULT, find_profile
 from g1_description.text import listed, similar_first
 
 SWITCHED = (("web", "web"), ("checker", "checks"))
@@ -51,7 +54,8 @@ def launched_robot(model: str | None, given: dict[str, str], nodes: list[str]) -
     """Read the robot, and check the other launch arguments.
 
     Args:
-        model: The model, as for ``read_model``; None: no model.
+        model: The model, as for ``read_model``; empty: that of the profile ``robot``;
+            None: no model.
         given: Other arguments of the launch file, by name.
         nodes: Nodes of the launch file, which must not be running.
 
@@ -62,12 +66,9 @@ def launched_robot(model: str | None, given: dict[str, str], nodes: list[str]) -
         G1DescriptionError: If the robot or a value is invalid, or one of the nodes is
             running.
     """
-    if model is not None and not model.strip():
-        raise InvalidValueError(
-            "model must be a URDF or xacro file (got an empty name)."
-        )
     words = words_of_parent()
-    check_for_empty({"model": model or "", **given}, words)
+    usual = given.get("robot") or DEFAULT
+    check_for_empty({**given, "robot": usual, "model": model or usual}, words)
     given = {**given_to_own_file(words), **given}
     check_arguments(given)
     on = ("true", "1")  # as roslaunch writes it
@@ -76,14 +77,20 @@ def launched_robot(model: str | None, given: dict[str, str], nodes: list[str]) -
         _check_for_node(node, words)
     if model is None:
         return ""
-    robot = read_absolute(model)
+    found = read_absolute(model.strip() or usual)
+    robot = found.description
+    if given.get("robot"):
+        robot = replace(robot, given_profile=find_profile(given["robot"]))
     pose = given.get("initial_pose", ZERO)
     if pose != ZERO:
-        check_pose(find_pose(pose, read_poses()), robot.description)
-    check_trails("trails", given.get("trails", "").split(), [robot.description])
-    if given.get("base"):
-        _check_root(given.get("root", ""), robot.description)
-    return robot.text
+        check_pose(find_pose(pose, read_poses(robot)), robot)
+    check_trails("trails", given.get("trails", "").split(), [robot])
+    anchor = given.get("anchor", "")
+    if anchor not in ("", LOWEST_FOOT):
+        check_trails("anchor", [anchor], [robot])
+    if given.get("base") and given.get("root"):
+        _check_root(given["root"], robot)
+    return found.text
 
 
 def _check_for_node(name: str, words: list[str]) -> None:
@@ -143,8 +150,9 @@ def main() -> None:
     parser.add_argument(
         "model",
         nargs="?",
-        help="URDF or xacro file, or package://PACKAGE/FILE; its meshes may be "
-        "relative; for xacro with arguments in the same word: 'FILE NAME=VALUE'",
+        help="a profile, or a URDF or xacro file, or package://PACKAGE/FILE; its "
+        "meshes may be relative; for xacro with arguments in the same word: 'FILE "
+        "NAME=VALUE'; empty: the default robot",
     )
     parser.add_argument(
         "--check",

@@ -6,7 +6,7 @@ otherwise the robot would start to fall with its joints at zero.
 Calls: spawn_urdf_model (gazebo_msgs/SpawnModel), set_model_configuration
     (gazebo_msgs/SetModelConfiguration), get_physics_properties
     (gazebo_msgs/GetPhysicsProperties), pause_physics and unpause_physics
-    (std_srvs/Empty), below /gazebo
+    (std_srvs/Empty), set_anchor (g1_description/SetAnchor), below /gazebo
 Parameters: those of parameters.SpawnerParameters
 """
 
@@ -30,6 +30,7 @@ from g1_description.ros.conversions import pose_from_array
 from g1_description.ros.lifecycle import start_node
 from g1_description.ros.parameters import read_parameters
 from g1_description.ros.waiting import wait_until
+from g1_description.srv import SetAnchor
 
 GAZEBO = "/gazebo"
 """Name of the node, and namespace of its services."""
@@ -53,6 +54,7 @@ def spawn(parameters: SpawnParameters, gazebo: GazeboServices) -> None:
     begin = assembly.positions
     if not begin:
         _log(gazebo.wait_and_call("spawn_urdf_model", SpawnModel, *model, *at))
+        _set_anchor(p, gazebo)
         return
     physics = gazebo.wait_and_call("get_physics_properties", GetPhysicsProperties)
     gazebo.call("pause_physics", Empty)
@@ -63,6 +65,22 @@ def spawn(parameters: SpawnParameters, gazebo: GazeboServices) -> None:
     finally:
         if not physics.pause:
             gazebo.call("unpause_physics", Empty)
+    _set_anchor(p, gazebo)
+
+
+def _set_anchor(parameters: SpawnParameters, gazebo: GazeboServices) -> None:
+    """Set the anchor, or log why there is none."""
+    if not parameters.anchor:
+        return
+    try:
+        gazebo.call("set_anchor", SetAnchor, parameters.model_name, parameters.anchor)
+    except rospy.ServiceException as error:
+        rospy.logwarn(
+            "The anchor of %s is ignored, which needs the simulator of this package: "
+            "%s",
+            parameters.model_name,
+            error,
+        )
 
 
 def spawn_in_each(parameters: SpawnParameters, gazebo: GazeboServices) -> None:

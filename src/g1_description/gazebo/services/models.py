@@ -20,8 +20,9 @@ from gazebo_msgs.srv import (
     SetModelState,
 )
 
-from g1_description.errors import UnknownNameError
+from g1_description.errors import G1DescriptionError, UnknownNameError
 from g1_description.gazebo.services.base import (
+    RefusalError,
     Simulation,
     checked_pose,
     checked_twist,
@@ -34,6 +35,12 @@ from g1_description.ros.conversions import (
     twist_from_array,
 )
 from g1_description.sim.entities import seen_from
+from g1_description.srv import (
+    GetAnchor,
+    GetAnchorResponse,
+    SetAnchor,
+    SetAnchorResponse,
+)
 
 
 class _ModelStateResponse(GetModelStateResponse):
@@ -155,11 +162,32 @@ def put_model(simulation: Simulation, state: ModelState) -> str:
     return simulation.message("SetModelState: set model state done", detail)
 
 
+def get_anchor(simulation: Simulation, request):
+    """Return a model's anchor. Not in Gazebo."""
+    world = simulation.world
+    anchor = world.anchors.name(world.model(request.model_name))
+    return GetAnchorResponse(success=True, link_name=anchor)
+
+
+def set_anchor(simulation: Simulation, request):
+    """Keep a link of a model at its place while joints move. Not in Gazebo."""
+    world = simulation.world
+    try:
+        model = world.model(request.model_name)
+        previous = world.anchors.name(model)
+        world.anchors.set(model, request.link_name)
+    except G1DescriptionError as error:
+        raise RefusalError(str(error)) from error
+    return SetAnchorResponse(success=True, previous=previous)
+
+
 SERVICES = (
     ("delete_model", DeleteModel, delete_model),
     ("get_model_properties", GetModelProperties, get_properties),
     ("get_world_properties", GetWorldProperties, get_world_properties),
     ("get_model_state", GetModelState, get_state),
     ("set_model_state", SetModelState, set_state),
+    ("get_anchor", GetAnchor, get_anchor),
+    ("set_anchor", SetAnchor, set_anchor),
 )
 """Name under the node, type, and the function that answers."""

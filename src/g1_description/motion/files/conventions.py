@@ -67,8 +67,8 @@ _LIMITS = {
 BEYOND = 0.05
 """Tolerance of the limits of a layout, in [rad]."""
 
-SOLES = ("left_ankle_roll_link", "right_ankle_roll_link")
-"""Links of the feet, whose z axes are normal to the soles."""
+SOLES = ("left_foot", "right_foot")
+"""Roles of the links of a profile whose z axes are normal to the soles."""
 
 MAX_TILT = 25.0
 """Largest tilt of the lower sole of a standing robot, in [deg]."""
@@ -264,8 +264,8 @@ def w_last(
     The sole of the lower foot decides: of 67 files, 62 x y z w and 5 w x y z, its tilt
     (the median of up to 100 samples) was smaller in the right order in all, at most 17
     degrees, and 13 to 180 in the wrong one. It does not decide for a robot that lies; a
-    robot without ``SOLES`` is not checked. If the robot stands upright in both orders,
-    x y z w is assumed, with a message.
+    robot whose profile has no ``SOLES`` is not checked. If the robot stands upright in
+    both orders, x y z w is assumed, with a message.
 
     Args:
         motion: With a base, whose quaternions are as in the file.
@@ -302,7 +302,7 @@ def w_last(
 def has_soles(robot: Description) -> bool:
     """Return whether a robot is one whose feet tell how it stands."""
     is_whole = robot.root != WORLD and len(robot.roots) == 1
-    return is_whole and {*SOLES} <= {*robot.link_names}
+    return is_whole and {*SOLES} <= {*robot.profile.links}
 
 
 def tilt_on_floor(lower: np.ndarray) -> float:
@@ -323,7 +323,7 @@ def lower_feet(trajectory: Motion, robot: Description) -> np.ndarray:
     positions = of_robot(trajectory.joint_names, trajectory.positions[samples], robot)
     assert trajectory.base_poses is not None
     base = trajectory.base_poses[samples]
-    rows = [robot.link_names.index(link) for link in SOLES]
+    rows = [robot.link_names.index(robot.profile.links[role]) for role in SOLES]
     feet = Kinematics(robot).link_poses(base, positions)[:, rows]
     lowest = np.argmin(feet[..., 2], axis=1)
     return np.asarray(feet[np.arange(len(samples)), lowest])

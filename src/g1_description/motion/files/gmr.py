@@ -46,7 +46,9 @@ the place on it in [m]."""
 DEFAULT_RATE = 30.0
 """Of files without ``fps``, in [Hz]."""
 
-WITHOUT_VELOCITIES = "This format has no velocities: those of the motion are left out."
+WITHOUT_VELOCITIES = (
+    "This format has no velocities: those of the motion are not written."
+)
 
 
 def recognise(source: MotionSource) -> bool:

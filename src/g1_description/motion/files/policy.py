@@ -208,7 +208,7 @@ class _Model:
             else:
                 size = {1: 8, 5: 4}.get(kind, len(data))
             if size > len(data) - at:
-                raise MotionError("The ONNX model is damaged, or is none.")
+                raise MotionError("Not a valid ONNX model.")
             yield key >> 3, data[at : at + size]
             at += size
 
@@ -224,7 +224,7 @@ def _number(data: memoryview, at: int) -> tuple[int, int]:
         value |= (byte & 127) << shift
         if byte < 128:
             return value, at
-    raise MotionError("The ONNX model is damaged, or is none.")
+    raise MotionError("Not a valid ONNX model.")
 
 
 def _numbers(data: memoryview) -> list[int]:
@@ -240,7 +240,7 @@ def _numbers(data: memoryview) -> list[int]:
 def _bytes(value: Any) -> memoryview:
     """Check that a field has bytes."""
     if not isinstance(value, memoryview):
-        raise MotionError("The ONNX model is damaged, or is none.")
+        raise MotionError("Not a valid ONNX model.")
     return value
 
 

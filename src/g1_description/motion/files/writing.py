@@ -110,7 +110,7 @@ def whole(
     left_out = [name for name in motion.joint_names if name not in names]
     if left_out:
         notes.append(
-            f"Joints that the format does not have are left out: {listed(left_out)}."
+            f"Joints that the format does not have are not written: {listed(left_out)}."
         )
     if len(names) < len(own) and not notes:
         notes.append(f"{ONLY} {len(names)} joints are written, not all {len(own)}.")

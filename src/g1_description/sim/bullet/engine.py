@@ -8,7 +8,7 @@ from itertools import chain, combinations
 import numpy as np
 
 from g1_description.errors import DescriptionError
-from g1_description.motion.motors import G1_MOTORS, Motor, Motors
+from g1_description.motion.motors import Motors, motors_of
 from g1_description.robot.assembly import SCOPE
 from g1_description.sim.bullet.body import Body
 from g1_description.sim.bullet.client import connect
@@ -83,7 +83,7 @@ class BulletEngine(Engine):
         motors: Motors | None = None,
     ) -> None:
         super().__init__(physics, properties)
-        self._motors = (motors or Motors()) if physics == "hold" else None
+        self._given_motors = motors
         self._client = connect()
         self._bodies: dict[str, tuple[Body, ...]] = {}
         self._moved: dict[str, Model] = {}
@@ -205,7 +205,7 @@ class BulletEngine(Engine):
         meshes, left_out = find_meshes(
             s for link in model.assembly.description.links for s in link.collisions
         )
-        motors, remarks = self._motors_of(model)
+        motors = self._motors_of(model)
         for tree in range(len(model.trees)):
             try:
                 number, links = create_body(self._client, model, meshes, tree)
@@ -223,21 +223,13 @@ class BulletEngine(Engine):
                 f"the effort limit of {listed(unknown)} is 0, which means unknown: the "
                 "motors have no limit in physics",
             )
-        return tuple(bodies), left_out + remarks
+        return tuple(bodies), left_out
 
-    def _motors_of(self, model: Model) -> tuple[Motors | None, tuple[str, ...]]:
-        """Choose a model's motors, and report if the G1's are not applied."""
-        robot, motors = model.assembly.description, self._motors
-        if motors is None or motors.are_for(robot.name):
-            return motors, ()
-        names = [joint.name for joint in robot.movable_joints]
-        if all(motors.of(name) == Motor() for name in names):
-            return Motors(), ()
-        return Motors(), (
-            f"{G1_MOTORS} is not applied: the name of the robot, '{robot.name}', does "
-            "not have the word 'g1'. Effort limits are those of its URDF; set others "
-            "with motors:=FILE.",
-        )
+    def _motors_of(self, model: Model) -> Motors | None:
+        """Return a model's motors; None where it has none."""
+        if self.physics != "hold":
+            return None
+        return self._given_motors or motors_of(model.assembly.description)
 
     def remove(self, name: str) -> None:
         """Remove a model's bodies, if it has any."""

@@ -54,9 +54,7 @@ def listen(host: str, port: int) -> socket.socket:
         PageServerError: If it cannot listen; the message says what to do.
     """
     if port not in range(MAX_PORT + 1):
-        raise PageServerError(
-            f"the page's port is {port}, but ports are 0 to {MAX_PORT}"
-        )
+        raise PageServerError(f"port must be from 0 to {MAX_PORT} (got {port})")
     opened = None
     try:
         family, address = _resolve(host, port)
@@ -82,18 +80,12 @@ def _why_not(host: str, port: int, error: Exception) -> str:
     """Say in a sentence why nothing listens, and what to do."""
     number = getattr(error, "errno", None)
     if number == errno.EADDRINUSE:
-        return (
-            f"the page cannot open at port {port} of {host}, which another program "
-            "has; name another port, or 0 for a free one"
-        )
+        return f"port {port} of {host} is in use; choose another port, or 0 for any"
     if number == errno.EACCES:
-        return (
-            f"the page may not open at port {port} of {host}; name one above 1023, "
-            "or 0 for a free one"
-        )
+        return f"no permission for port {port} of {host}; choose one above 1023"
     return (
-        f"the page cannot open at {host!r} ({cause(error)}); name an address of this "
-        "machine: 127.0.0.1 for this machine alone, 0.0.0.0 for all that reach it"
+        f"cannot listen on {host!r} ({cause(error)}); use an address of this machine: "
+        "127.0.0.1 for local access, 0.0.0.0 for all interfaces"
     )
 
 

@@ -50,24 +50,26 @@ class Admission:
         """Return why a request is refused; None if it is allowed."""
         hosts, origins = headers.get_all("Host"), headers.get_all("Origin")
         if len(hosts) != 1:
-            return Refusal(HTTPStatus.BAD_REQUEST, "A request names one host.")
+            return Refusal(
+                HTTPStatus.BAD_REQUEST, "A request must have one Host header."
+            )
         if not self._token and not LOOPBACK.fullmatch(hosts[0]):
             return Refusal(
                 HTTPStatus.FORBIDDEN,
-                "This page is for the machine it runs on: open it as localhost or "
-                "127.0.0.1, from elsewhere through ssh -L, or start it with another "
-                "host, for which it makes a token.",
+                "This page accepts only its own machine: open it as localhost or "
+                "127.0.0.1, from another machine through ssh -L, or start it with "
+                "another host, which creates a token.",
             )
         own = {f"{scheme}://{hosts[0].lower()}" for scheme in ("http", "https")}
         if any(origin.lower() not in own for origin in origins):
             return Refusal(
                 HTTPStatus.FORBIDDEN,
-                "Another page may not use this one: open it itself.",
+                "Cross-origin request refused: open this page directly.",
             )
         if self._token and not self._knows_token(query, headers):
             return Refusal(
                 HTTPStatus.UNAUTHORIZED,
-                "This page wants the token that was printed when it was started: "
+                "This page needs the token that was printed at its start: "
                 f"{self._base}/?token=...",
             )
         return None

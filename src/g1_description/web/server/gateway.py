@@ -144,7 +144,7 @@ WARNING_PERIOD = 60.0
 """Least time between warnings, in [s]: others decide how often there is a reason."""
 
 NOTHING_HERE = "There is nothing at this address."
-NO_FILES = "This page only shows: it takes no files."
+NO_FILES = "This page is read-only: files cannot be uploaded."
 
 log = logging.getLogger(__name__)
 quiet = logging.getLogger(__name__ + ".connections")
@@ -282,7 +282,7 @@ class Gateway:
     def _too_many(self) -> str:
         """Say that no further page may be open."""
         most = self._options.max_browsers
-        return f"{most} pages are open, which is the most: close one."
+        return f"{most} pages are open, the limit: close one."
 
     async def _answer(self, path: str, headers: Headers) -> Response:
         """Answer a request for the page or a text."""
@@ -320,7 +320,7 @@ class Gateway:
         try:
             await pipe.run(self._hidden, self._count)
         except (ConnectionClosed, OSError, asyncio.TimeoutError) as error:
-            log.debug("a browser is gone: %s", error)
+            log.debug("lost the connection to a browser: %s", error)
         finally:
             self.browsers -= 1
             if not self.browsers:

@@ -63,7 +63,7 @@
   function upload(file) {
     if (!file) return sending;
     if (readOnly) {
-      toast("This page only shows: it takes no files.", true);
+      toast("This page is read-only: files cannot be uploaded.", true);
       return sending;
     }
     toast("Sending " + file.name + " ...");

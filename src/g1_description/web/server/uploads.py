@@ -70,7 +70,7 @@ class Uploads:
         try:
             state, text = "done", await self._take(browser, query)
         except asyncio.TimeoutError:
-            state, text = "failed", "The file stopped coming."
+            state, text = "failed", "The upload stalled."
         except G1DescriptionError as error:
             state, text = "failed", str(error)
         except ConnectionClosed:
@@ -102,13 +102,13 @@ class Uploads:
             PageServerError: If it is not taken.
         """
         if self._on_file is None:
-            raise PageServerError("this page takes no files")
+            raise PageServerError("this page is read-only: files cannot be uploaded")
         if self._n_running > MAX_AT_ONCE:
             raise PageServerError(
                 f"{MAX_AT_ONCE} other files are being read: drop {name} again later"
             )
         if not re.fullmatch(r"[0-9]{1,15}", announced):
-            raise PageServerError(f"the browser does not say how large {name} is")
+            raise PageServerError(f"the browser did not send the size of {name}")
         if int(announced) > self._max_size:
             raise self._too_large(name)
         return int(announced)
@@ -116,8 +116,7 @@ class Uploads:
     def _too_large(self, name: str) -> PageServerError:
         """Say that a file is too large."""
         return PageServerError(
-            f"{name} is larger than the {self._max_size / 2**20:.3g} MiB that the page "
-            "takes"
+            f"{name} is larger than {self._max_size / 2**20:.3g} MiB, the limit"
         )
 
     async def _store(self, browser: ServerConnection, path: Path, size: int) -> None:
@@ -134,7 +133,9 @@ class Uploads:
                 piece = await asyncio.wait_for(browser.recv(), PIECE_TIMEOUT)
                 received += len(piece)
                 if isinstance(piece, str) or received > size:
-                    raise PageServerError("the file is not the one that was announced")
+                    raise PageServerError(
+                        "the size of the file differs from the announced one"
+                    )
                 await loop.run_in_executor(self._threads, file.write, piece)
 
     def _hand_on(self, name: str, path: Path) -> str:
@@ -149,7 +150,7 @@ class Uploads:
         except G1DescriptionError:
             raise
         except Exception as error:  # whatever it is, the page goes on
-            log.exception("cannot take the file %s", name)
+            log.exception("cannot read the file %s", name)
             raise PageServerError(f"{name} cannot be read: {cause(error)}") from error
 
 

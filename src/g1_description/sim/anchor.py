@@ -1,0 +1,179 @@
+"""Anchors: a link keeps its pose in the world while joints move, and the base follows.
+
+Only in ``kinematic`` physics: in the others physics moves the base.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from g1_description.errors import InvalidValueError, UnknownNameError
+from g1_description.robot.assembly import SCOPE
+from g1_description.robot.launch_arguments import LOWEST_FOOT
+from g1_description.robot.rotation import conjugate, cross, normalized, rotate
+from g1_description.robot.transform import compose, inverse
+from g1_description.sim.model import Model
+from g1_description.sim.standing import outlines
+from g1_description.text import listed, similar_first
+
+TOLERANCE = 1e-6
+"""Height by which another foot must be lower to become the anchor, in [m]: rounding
+errors must not change the anchor of a robot that squats on both feet."""
+
+UP = np.array([0.0, 0.0, 1.0])
+
+
+FEET = ("left_foot", "right_foot")
+"""Roles of the feet in a robot's profile."""
+
+
+class Anchor:
+    """A link of a model that keeps its pose in the world.
+
+    Of several candidates it is the lowest one. If another one becomes lower, that keeps
+    the place and rotation that it has then, at the height of the one before.
+    """
+
+    def __init__(self, model: Model, name: str) -> None:
+        """Keep a link where it is now.
+
+        Args:
+            model: The model.
+            name: The link, possibly on a fixed joint, or ``LOWEST_FOOT``.
+
+        Raises:
+            UnknownNameError: If there is no such link.
+            InvalidValueError: If it is fixed to the world.
+        """
+        self.name, self._model = name, model
+        names = _feet_of(model) if name == LOWEST_FOOT else [_body(model, name)]
+        self._rows = np.array([model.link_names.index(name) for name in names])
+        tree = next(n for n, t in enumerate(model.trees) if self._rows[0] in t.links)
+        if model.trees[tree].fixed:
+            raise InvalidValueError(f"the base of {model.name} is fixed to the world")
+        self._tree = tree
+        several = names if len(names) > 1 else ()
+        self._soles = [outlines(model.links[name]) for name in several]
+        self.renew()
+
+    def _heights(self, poses: np.ndarray) -> np.ndarray:
+        """Compute the heights of the candidates' lowest points at some poses."""
+        if not self._soles:
+            return poses[:, 2]
+        ups = rotate(conjugate(poses[:, 3:]), UP)
+        lowest = [(p @ up - radii).min() for (p, radii), up in zip(self._soles, ups)]
+        return poses[:, 2] + lowest
+
+    def _keep(self, poses: np.ndarray) -> None:
+        """Keep the lowest candidate at its pose; poses of all, shape (n, 7)."""
+        heights = self._heights(poses)
+        candidate = int(np.argmin(heights))
+        self._row, self._height = self._rows[candidate], heights[candidate]
+        self._pose = np.array(poses[candidate])
+        self._pose[3:] = normalized(self._pose[3:])
+
+    def renew(self) -> None:
+        """Keep the link where it is now, after something else moved the robot."""
+        model = self._model
+        self._keep(model.poses[self._rows])
+        if model.root_twists[self._tree].any():  # that of an earlier ``hold``
+            model.set_root(self._tree, model.root_poses[self._tree], np.zeros(6))
+
+    def hold(self) -> None:
+        """Move the base so that the link stays, after joints moved."""
+        # The target is kept and the base computed from it: nothing accumulates.
+        poses, twists = self._model.states_in_roots()
+        T_world_root = compose(self._pose, inverse(poses[self._row]))
+        if len(self._rows) > 1:
+            placed = compose(T_world_root, poses[self._rows])
+            before = self._height
+            if self._heights(placed).min() < before - TOLERANCE:
+                self._keep(placed)
+                self._pose[2] += before - self._height
+                self._height = before
+                T_world_root = compose(self._pose, inverse(poses[self._row]))
+        linear, angular = -rotate(T_world_root[3:], twists[self._row].reshape(2, 3))
+        linear = linear + cross(angular, T_world_root[:3] - self._pose[:3])
+        twist = np.concatenate([linear, angular])
+        self._model.set_root(self._tree, T_world_root, twist)
+
+
+def _feet_of(model: Model) -> list[str]:
+    """Return the feet of a model.
+
+    Raises:
+        UnknownNameError: If none is known.
+    """
+    links = model.assembly.description.profile.links
+    names = [_body(model, links[role]) for role in FEET if role in links]
+    if not names:
+        raise UnknownNameError(
+            f"the profile of {model.name} has no feet; name a link instead of "
+            f"{LOWEST_FOOT}"
+        )
+    return names
+
+
+def _body(model: Model, name: str) -> str:
+    """Return the body of a link, which may be scoped, or lumped into another one.
+
+    Raises:
+        UnknownNameError: If there is no such link.
+    """
+    scope = model.name + SCOPE
+    link = name[len(scope) :] if name.startswith(scope) else name
+    body = model.assembly.lumped.get(link, link)
+    if body not in model.link_names:
+        known = listed(similar_first(link, model.link_names))
+        raise UnknownNameError(
+            f"{model.name} has no link '{link}'; known links: {known or 'none'}"
+        )
+    return body
+
+
+class Anchors:
+    """The anchors of a world's models."""
+
+    def __init__(self, physics: str) -> None:
+        self._physics = physics
+        self._anchors: dict[Model, Anchor] = {}
+
+    def name(self, model: Model) -> str:
+        """Return the name of a model's anchor; empty without one."""
+        return self._anchors[model].name if model in self._anchors else ""
+
+    def set(self, model: Model, name: str) -> None:
+        """Keep a link of a model where it is now.
+
+        Args:
+            model: The model.
+            name: The link, or ``LOWEST_FOOT``; empty: none any more.
+
+        Raises:
+            UnknownNameError: If there is no such link; nothing is changed.
+            InvalidValueError: If physics moves the base, or it is fixed.
+        """
+        if not name:
+            self.renew(model)  # it may be moving
+            self.forget(model)
+        elif self._physics != "kinematic":
+            raise InvalidValueError(
+                f"an anchor needs kinematic physics; in {self._physics} physics moves "
+                "the base"
+            )
+        else:
+            self._anchors[model] = Anchor(model, name)
+
+    def hold(self, model: Model) -> None:
+        """Move the base of a model so that its anchor stays, after joints moved."""
+        if model in self._anchors:
+            self._anchors[model].hold()
+
+    def renew(self, model: Model) -> None:
+        """Keep the anchor of a model where it is now."""
+        if model in self._anchors:
+            self._anchors[model].renew()
+
+    def forget(self, model: Model) -> None:
+        """Remove the anchor of a model."""
+        self._anchors.pop(model, None)

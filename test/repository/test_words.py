@@ -1,0 +1,100 @@
+"""What users read: the words of the field, and all messages as one text."""
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+from checked import assert_as_kept
+from pages import PAGES, ROOT, prose
+
+SOURCES = sorted((ROOT / "src" / "g1_description").rglob("*.py"))
+OTHERS = [
+    *sorted((ROOT / "launch").glob("*")),
+    *(
+        f
+        for f in sorted((ROOT / "config").rglob("*.yaml"))
+        if "collision" not in f.name
+    ),
+    *sorted(ROOT.glob("msg/*.msg")),
+    *sorted(ROOT.glob("srv/*.srv")),
+]
+WORDS = {
+    r"\bbears?\b": "is in contact, supports",
+    r"\b(wanted|told|asked)\b": "commanded or desired; reported or logged; requested",
+    r"\bjudge[sd]?\b": "check",
+    r"\b(left out|passed over)\b": "ignored",
+    r"(?<!there )\b(is|are) no (link|joint|number|text|robot|motion|file)\b": "not a",
+    r"\b(anew|likewise|beside|so many|in turn)\b": "again, also, next to, N",
+    r"\bmend(s|ed)?\b": "fix",
+    r"\bwhoever\b": "anyone who",
+    r"\bfilms?\b(?!\.)": "animation, video",
+    r"\b(front door|desk|hands out)\b": "gateway, UI loop",
+}
+"""Expressions that users shall not read, and what to write instead."""
+
+
+class Messages(ast.NodeVisitor):
+    """Collects the texts of a module that have three words and are no docstrings."""
+
+    def __init__(self):
+        self.found = []
+
+    def visit_Expr(self, node):
+        """Ignore docstrings."""
+        if not isinstance(node.value, ast.Constant):
+            self.generic_visit(node)
+
+    def visit_Constant(self, node):
+        """Take a text."""
+        self._add(node.value)
+
+    def visit_JoinedStr(self, node):
+        """Take a text with values, each as ``{}``."""
+        parts = (getattr(part, "value", None) for part in node.values)
+        self._add("".join(p if isinstance(p, str) else "{}" for p in parts))
+
+    def _add(self, text):
+        is_text = isinstance(text, str) and re.search(r"\w+ \S+ \S*\w", text)
+        if is_text and "\n" not in text.strip():
+            self.found.append(" ".join(text.split()))
+
+
+def messages(file):
+    """List the messages of a module."""
+    visitor = Messages()
+    visitor.visit(ast.parse(file.read_text(encoding="utf-8")))
+    return visitor.found
+
+
+def test_all_messages_are_in_a_text_to_read(tmp_path):
+    """Read ``test/data/messages.txt`` after a change: they must say what is wrong."""
+    lines = []
+    for file in SOURCES:
+        found = messages(file)
+        if found:
+            name = file.relative_to(ROOT / "src" / "g1_description")
+            lines += [f"\n{name}\n", *(f"  {text}\n" for text in found)]
+    assert_as_kept("".join(lines), "messages.txt", tmp_path)
+
+
+def texts():
+    """Give what users read, by its place."""
+    for page in PAGES:
+        code = re.compile(r"`[^`\n]*`|\]\([^)]*\)")
+        yield page.relative_to(ROOT), code.sub("", prose(page.read_text("utf-8")))
+    for file in OTHERS:
+        yield file.relative_to(ROOT), file.read_text("utf-8")
+    for file in SOURCES:
+        yield file.relative_to(ROOT), "\n".join(messages(file))
+
+
+@pytest.mark.parametrize("pattern", WORDS)
+def test_words_are_those_of_the_field(pattern):
+    found = [
+        f"{Path(place)}: {line.strip()}"
+        for place, text in texts()
+        for line in text.splitlines()
+        if re.search(pattern, line, re.I)
+    ]
+    assert not found, f"write {WORDS[pattern]}"
