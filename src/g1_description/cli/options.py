@@ -97,7 +97,7 @@ def order() -> Any:
         str,
         choices=ORDERS,
         shown="that of the format, or by the feet of the standing robot",
-        see="[what a file does not say](motions.md#what-a-file-does-not-say)",
+        see="[what a file does not say](motion_formats.md#what-a-file-does-not-say)",
     )
 
 
@@ -110,7 +110,7 @@ def input_joint_order() -> Any:
         str,
         choices=("mujoco", "isaaclab"),
         shown="that of the format",
-        see="[what a file does not say](motions.md#what-a-file-does-not-say)",
+        see="[what a file does not say](motion_formats.md#what-a-file-does-not-say)",
     )
 
 
@@ -122,7 +122,7 @@ def file_format() -> Any:
         _format,
         metavar="NAME",
         shown="by its content",
-        see="[formats](motions.md#which-format-is-it)",
+        see="[formats](motion_formats.md#which-format-is-it)",
     )
 
 
