@@ -14,6 +14,7 @@ from g1_description.checks.rules import RULES
 from g1_description.checks.rules.limits import POSITION, VELOCITY
 from g1_description.checks.thresholds import Level, Thresholds
 from g1_description.checks.thresholds_file import read_thresholds, with_thresholds
+from g1_description.checks.verdict import Finding, Verdict
 from g1_description.errors import ThresholdError
 
 SHIPPED = Path(__file__).parents[2] / "config" / "checks.yaml"
@@ -103,6 +104,21 @@ def test_the_command_web_reads_the_file_of_defaults(defaults):
     defaults.write_text("position: {failure: x}\n")
     with pytest.raises(ThresholdError, match=r"share/config/checks\.yaml: position"):
         web.web(web.WebOptions())
+
+
+def test_the_worst_size_is_that_of_the_worst_finding():
+    """Sizes below their bound are worse the smaller they are."""
+
+    def finding(check, worst, bound):
+        numbers = (worst, bound, "m", 0.0, 0.0, 0.1, ((0.0, 0.1),), "")
+        return Finding(check, "failed", ("a",), *numbers)
+
+    findings = [finding("a", size, 0.1) for size in (0.2, 0.5, 0.3)]
+    findings += [finding("b", size, 0.1) for size in (0.05, -0.2, 0.0)]
+    for order in (findings, findings[::-1]):
+        figures = Verdict("robot", tuple(order)).rule_figures
+        assert (figures["a.worst"], figures["b.worst"]) == (0.5, -0.2)
+        assert figures["failed"] == 6
 
 
 @pytest.mark.parametrize("clip", ["B_HandsUp", "M_ShortMove13"])
