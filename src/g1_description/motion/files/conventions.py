@@ -19,6 +19,7 @@ from g1_description.robot.assembly import WORLD
 from g1_description.robot.description import Description, Joint
 from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.rotation import rotate
+from g1_description.robot.transform import IDENTITY, compose
 from g1_description.robot.tree import below
 from g1_description.text import listed
 
@@ -84,6 +85,9 @@ N_SAMPLES = 100
 
 MAX_ANGLE = 10.0
 """Larger angles of revolute joints must be degrees, even unwrapped, in [rad]."""
+
+W_FIRST_COLUMNS = [0, 1, 2, 4, 5, 6, 3]
+"""How poses with quaternions w x y z are read as if they had x y z w."""
 
 W_FIRST = "Base quaternions are read as w x y z: only then are the feet flat."
 
@@ -283,14 +287,12 @@ def w_last(
     base = motion.base_poses
     if base is None or order == "xyzw":
         return motion
-    other = replace(motion, base_poses=base[:, [0, 1, 2, 4, 5, 6, 3]])
+    other = replace(motion, base_poses=base[:, W_FIRST_COLUMNS])
     if order == "wxyz":
         return other
     if not has_soles(robot):
         return motion
-    as_read, turned = (
-        tilt_on_floor(lower_feet(each, robot)) for each in (motion, other)
-    )
+    as_read, turned = map(tilt_on_floor, lower_feet(motion, robot, W_FIRST_COLUMNS))
     if min(as_read, turned) > MAX_TILT and not is_told:
         raise MotionError(UNKNOWN_QUATERNION)
     if as_read <= turned + SAME_TILT or turned > MAX_TILT:
@@ -306,27 +308,44 @@ def has_soles(robot: Description) -> bool:
 
 
 def tilt_on_floor(lower: np.ndarray) -> float:
-    """Find the tilt of ``lower_feet`` in [deg]; infinite if below the floor."""
+    """Find the tilt of the lower feet in [deg]; infinite if below the floor."""
     return np.inf if np.median(lower[:, 2]) < LOWEST_FOOT else tilt(lower)
 
 
 def tilt(lower: np.ndarray) -> float:
-    """Find the tilt of the soles of ``lower_feet`` in [deg], the median."""
+    """Find the tilt of the soles of the lower feet in [deg], the median."""
     upward = rotate(lower[:, 3:], np.array([0.0, 0.0, 1.0]))[:, 2]
     return float(np.degrees(np.arccos(np.clip(np.median(upward), -1.0, 1.0))))
 
 
-def lower_feet(trajectory: Motion, robot: Description) -> np.ndarray:
-    """Place the lower one of ``SOLES`` in up to ``N_SAMPLES`` samples, shape (n, 7)."""
-    count = len(trajectory.times)
-    samples = np.unique(np.linspace(0, count - 1, N_SAMPLES).astype(int))
-    positions = of_robot(trajectory.joint_names, trajectory.positions[samples], robot)
-    assert trajectory.base_poses is not None
-    base = trajectory.base_poses[samples]
+def lower_feet(
+    motion: Motion, robot: Description, columns: Sequence[int]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Place the lower one of ``SOLES`` in up to ``N_SAMPLES`` samples.
+
+    Args:
+        motion: With a base.
+        robot: The robot.
+        columns: Another order of the elements of the base's poses.
+
+    Returns:
+        Poses of the foot for the base as it is, and for that of the columns, each of
+        shape (n, 7).
+    """
+    samples = np.unique(np.linspace(0, len(motion.times) - 1, N_SAMPLES).astype(int))
+    positions = of_robot(motion.joint_names, motion.positions[samples], robot)
     rows = [robot.link_names.index(robot.profile.links[role]) for role in SOLES]
-    feet = Kinematics(robot).link_poses(base, positions)[:, rows]
-    lowest = np.argmin(feet[..., 2], axis=1)
-    return np.asarray(feet[np.arange(len(samples)), lowest])
+    still = np.tile(IDENTITY, (len(samples), 1))
+    T_base_feet = Kinematics(robot).link_poses(still, positions)[:, rows]
+    assert motion.base_poses is not None
+    base = motion.base_poses[samples, np.newaxis]
+
+    def lower(T_map_base: np.ndarray) -> np.ndarray:
+        feet = compose(T_map_base, T_base_feet)
+        lowest = np.argmin(feet[..., 2], axis=1)
+        return np.asarray(feet[np.arange(len(samples)), lowest])
+
+    return lower(base), lower(base[..., list(columns)])
 
 
 def of_robot(

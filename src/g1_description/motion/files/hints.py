@@ -5,7 +5,6 @@ They are no errors: the motion may be meant so.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Dict, Tuple
 
 import numpy as np
@@ -13,6 +12,7 @@ import numpy as np
 from g1_description.motion.files.conventions import (
     MAX_TILT,
     SAME_TILT,
+    W_FIRST_COLUMNS,
     breadth_first,
     has_soles,
     lower_feet,
@@ -53,8 +53,12 @@ OTHER_UNITS = 10.0
 
 TITLES = {"isaaclab": "Isaac Lab", "mujoco": "MuJoCo, that of the robot's file"}
 
-OTHERS = {"wxyz": ("x y z w", [3, 0, 1, 2]), "xyzw": ("w x y z", [1, 2, 3, 0])}
-"""The other order by the order of quaternions that were read, and how to read it."""
+OTHERS = {
+    "wxyz": ("x y z w", [0, 1, 2, 6, 3, 4, 5]),
+    "xyzw": ("w x y z", W_FIRST_COLUMNS),
+}
+"""The other order by the order of quaternions that were read, and the columns of poses
+that have it."""
 
 Columns = Dict[str, np.ndarray]
 """Positions by joint, in [rad], each of shape (n_samples,)."""
@@ -178,14 +182,14 @@ def _base(
     may_lie: bool,
 ) -> str:
     """Tell of a base and feet that are not as those of a robot that stands."""
-    lower = lower_feet(motion, robot) if has_soles(robot) else None
+    lower = None
     is_told = any("--order" in note for note in motion.notes)
-    if lower is not None and order is not None and not is_told:
-        title, columns = OTHERS[order]
-        turns = base[:, [3 + column for column in columns]]
-        other = replace(motion, base_poses=np.concatenate([base[:, :3], turns], axis=1))
-        tilted = tilt_on_floor(lower_feet(other, robot))
-        if tilted <= MAX_TILT and tilted + SAME_TILT < tilt_on_floor(lower):
+    if has_soles(robot):
+        title, columns = OTHERS[order or "xyzw"]
+        lower, other = lower_feet(motion, robot, columns)
+        tilted = tilt_on_floor(other)
+        is_flatter = tilted <= MAX_TILT and tilted + SAME_TILT < tilt_on_floor(lower)
+        if is_flatter and order is not None and not is_told:
             return (
                 f"The feet are flat only if the base's quaternions are {title}, not as "
                 f"in other files of this format: --order {title.replace(' ', '')} "
