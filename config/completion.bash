@@ -8,22 +8,21 @@
 
 _g1_description_config=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 
-# Print the names of all poses of all robots: keys at the beginning of a line.
+# Print the names of all poses: keys at the beginning of a line.
 _g1_description_poses() {
-    local own=${ROS_HOME:-$HOME/.ros}/g1_description
-    sed -n 's/^\([A-Za-z][A-Za-z0-9_-]*\):.*/\1/p' "$_g1_description_config"/robots/*/poses.yaml \
-        "$own"/robots/*/poses.yaml "$own/poses.yaml" 2>/dev/null
+    sed -n 's/^\([A-Za-z][A-Za-z0-9_-]*\):.*/\1/p' "$_g1_description_config/poses.yaml" \
+        "${ROS_HOME:-$HOME/.ros}/g1_description/poses.yaml" 2>/dev/null
 }
 
 # Options by command, those without a value, those whose value is a file, the commands of
 # motion, and the links of the doctor; tools/tables writes them.
 declare -gA _g1_description_options
 # table of commands
-_g1_description_options[check]="--against --all --collisions --csv --dask --fixed-base --format --fps --help --html --jobs --json --model --motors --no-visual-hulls --only --order --physics --plot --quiet --selection --shift --thresholds --topic --watch --write-selection"
+_g1_description_options[check]="--against --all --collisions --csv --dask --fixed-base --format --fps --help --html --input-joint-order --jobs --json --model --motors --no-visual-hulls --only --order --physics --plot --quiet --selection --shift --thresholds --topic --watch --write-selection"
 _g1_description_options[collision_pairs]="--help --out --samples --seed"
 _g1_description_options[doctor]="--help --json --namespace --until"
 _g1_description_options[import_model]="--convex-collisions --decimate --force --help --keep-missing --out --tolerance"
-_g1_description_options[motion]="--all --begin --blend --duration --end --fastest --force --format --fps --from --help --jobs --joint-order --joints --json --model --names --order --out --rate --seconds --selection --speed --stay --to --topic --until"
+_g1_description_options[motion]="--all --begin --blend --duration --end --fastest --force --format --fps --from --help --input-joint-order --jobs --joint-order --joints --json --model --names --order --out --rate --seconds --selection --speed --stay --to --topic --until"
 _g1_description_options[moveit_config]="--force --help --model"
 _g1_description_options[play]="--anchor --base-frame --format --fps --from --help --lead-in --loop --namespace --on-floor --order --speed --start-here --to --topic"
 _g1_description_options[pose]="--about --anchor --file --force --help --list --model --namespace --save --seconds"

@@ -20,6 +20,7 @@ from g1_description.errors import (
     MotionError,
     UnknownNameError,
 )
+from g1_description.motion.files.conventions import JOINT_ORDERS
 from g1_description.motion.files.formats import read_motion, write_motion
 from g1_description.motion.mirror import mirrored
 from g1_description.motion.motion import UNIT_TOLERANCE, Motion, fitted
@@ -309,6 +310,7 @@ class Robot:
         rate: float | None = None,
         order: str | None = None,
         format: str | None = None,
+        joint_order: str | None = None,
     ) -> Motion:
         """Read a motion from a file.
 
@@ -317,9 +319,11 @@ class Robot:
                 file, ``package://PACKAGE/PATH``, or the name of a motion of this
                 package such as ``squat.csv``.
             rate: Samples per second of a file without times.
-            order: Of base quaternions in files that do not tell it, ``xyzw`` or
-                ``wxyz``; None: the one in which the robot stands.
+            order: Of base quaternions in the file, ``xyzw`` or ``wxyz``; None: that of
+                the format, or the one in which the robot stands.
             format: Its name, as in the documentation; None: found by content.
+            joint_order: Of joints without names, ``mujoco`` or ``isaaclab``; None: that
+                of the format.
 
         Returns:
             The motion with the joints that the robot has, in the order of the file;
@@ -337,8 +341,15 @@ class Robot:
             )
         if order not in (None, "xyzw", "wxyz"):
             raise MotionError(f"The order must be xyzw or wxyz (got {order!r}).")
+        if joint_order not in (None, *JOINT_ORDERS):
+            raise MotionError(
+                f"joint_order must be one of {', '.join(JOINT_ORDERS)} (got "
+                f"{joint_order!r})."
+            )
         file = motion_path(path)
-        return read_motion(file, self.description, rate, None, order, format)
+        return read_motion(
+            file, self.description, rate, None, order, format, joint_order
+        )
 
     def write_motion(
         self,

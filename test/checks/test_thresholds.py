@@ -1,10 +1,12 @@
 """Files of thresholds, and what is wrong with some."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from checked import POST, post_motion
+from conftest import VENDOR
 
 from g1_description import Robot
 from g1_description.checks import thresholds_file as module
@@ -12,6 +14,7 @@ from g1_description.checks.rules import RULES
 from g1_description.checks.rules.limits import POSITION, VELOCITY
 from g1_description.checks.thresholds import Level, Thresholds
 from g1_description.checks.thresholds_file import read_thresholds, with_thresholds
+from g1_description.checks.verdict import Finding, Verdict
 from g1_description.errors import ThresholdError
 
 SHIPPED = Path(__file__).parents[2] / "config" / "checks.yaml"
@@ -101,6 +104,50 @@ def test_the_command_web_reads_the_file_of_defaults(defaults):
     defaults.write_text("position: {failure: x}\n")
     with pytest.raises(ThresholdError, match=r"share/config/checks\.yaml: position"):
         web.web(web.WebOptions())
+
+
+def test_the_worst_size_is_that_of_the_worst_finding():
+    """Sizes below their bound are worse the smaller they are."""
+
+    def finding(check, worst, bound):
+        numbers = (worst, bound, "m", 0.0, 0.0, 0.1, ((0.0, 0.1),), "")
+        return Finding(check, "failed", ("a",), *numbers)
+
+    findings = [finding("a", size, 0.1) for size in (0.2, 0.5, 0.3)]
+    findings += [finding("b", size, 0.1) for size in (0.05, -0.2, 0.0)]
+    for order in (findings, findings[::-1]):
+        figures = Verdict("robot", tuple(order)).rule_figures
+        assert (figures["a.worst"], figures["b.worst"]) == (0.5, -0.2)
+        assert figures["failed"] == 6
+
+
+@pytest.mark.parametrize("clip", ["B_HandsUp", "M_ShortMove13"])
+def test_published_clips_pass_what_is_shipped_for_retargeted_motions(clip):
+    """The worst and the calmest; with the usual thresholds both fail."""
+    path = VENDOR.parents[1] / "motions" / f"{clip}.csv"
+    if not path.exists():
+        pytest.skip("the motions of others are not beside the repository")
+    robot = Robot()
+    motion = robot.read_motion(path, 60.0)
+    file = SHIPPED.with_name("checks_retargeted.yaml")
+    verdict = robot.check(motion, thresholds=file)
+    assert verdict.passed
+    assert verdict.excluded_by == ()
+    assert not robot.check(motion).passed
+    high = replace(motion, base_poses=motion.base_poses + np.eye(7)[2] * 0.3)
+    excluded = robot.check(high, thresholds=file).excluded_by
+    assert "lowest_height > 0.1" in excluded
+
+
+def test_a_rule_may_be_over_the_worst_size_of_a_check(tmp_path):
+    """Of a joint that is 0.5 rad beyond its limit; and of notes that it has none."""
+    file = tmp_path / "checks.yaml"
+    file.write_text(
+        "position.worst > 0.4: exclude\nposition.worst > 0.6: exclude\n"
+        "velocity.worst > 0: exclude\nnotes < 9: exclude\n"
+    )
+    verdict = Robot(POST).check(post_motion(reach=1.5, seconds=4.0), thresholds=file)
+    assert verdict.excluded_by == ("position.worst > 0.4", "notes < 9")
 
 
 def test_a_rule_excludes_a_motion_by_a_figure(tmp_path):

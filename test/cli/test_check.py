@@ -463,3 +463,27 @@ def test_what_a_rule_excludes_is_written_into_a_selection(folder, capsys):
         "motion1.csv": Choice("exclude", "failed > 0"),
         "motion2.csv": Choice("keep", "mine"),
     }
+
+
+def test_what_cannot_be_read_is_excluded_too(folder):
+    """So that what follows has nothing to stumble over; other tables stay."""
+    (folder / "motions").mkdir()
+    write_motions(folder / "motions", PASSES)
+    (folder / "motions" / "bad.csv").write_text("time,arm_joint\n0,x\n")
+    (folder / "motions" / "report.csv").write_text("file,result\na,passed\n")
+    chosen = folder / "motions" / "selection.yaml"
+    assert run("motions", "--write-selection", chosen) == 2
+    note = "not read: Line 2: expected a number (got 'x')."
+    assert Selection(chosen).choices == {"bad.csv": Choice("exclude", note)}
+    assert run("motions", "--selection", chosen) == 0
+
+
+def test_entries_of_a_selection_without_a_motion_are_told(folder, capsys):
+    (folder / "motions").mkdir()
+    write_motions(folder / "motions", PASSES, FAILS)
+    chosen = folder / "motions" / "selection.yaml"
+    chosen.write_text("motion1.npz: exclude\nmotoin0.csv: keep\ngone.csv: exclude\n")
+    assert run("motions", "--selection", chosen) == 0
+    assert capsys.readouterr().err.splitlines()[0] == (
+        f"check: 2 entries of {chosen} match no motion: motoin0.csv, gone.csv."
+    )

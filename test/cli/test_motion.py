@@ -16,7 +16,9 @@ from forked import run_forked
 
 from g1_description import Robot
 from g1_description.cli import motion, start
+from g1_description.errors import InvalidValueError
 from g1_description.motion.files import formats
+from g1_description.motion.files.conventions import G1_JOINTS
 from g1_description.motion.motion import Motion
 
 
@@ -151,7 +153,9 @@ def test_a_report_in_the_folder_is_no_failure(folder, capsys):
     write_motions(folder, 0.5)
     (folder / "report.csv").write_text("file,result\nmotion0.csv,passed\n")
     assert run("info", ".") == 0
-    assert "2 motions: 1 read, 1 not a motion." in capsys.readouterr().err
+    assert (
+        "2 motions: 1 read, 1 not a motion; ignored 1 with" in capsys.readouterr().err
+    )
     assert run("info", "report.csv") == 1  # it was named
 
 
@@ -180,6 +184,81 @@ def test_a_folder_is_converted_and_gone_on_with(folder, capsys, jobs):
     assert found == ["motion0.npz", "motion0.npz", "motion1.npz"]
     assert run("convert", *words, "--force") == 1
     assert read(folder / "out" / "deeper" / "motion0.npz").positions.max() == 0.3
+
+
+def test_a_rate_in_a_name_is_that_of_the_motion(folder, capsys):
+    """Tables without a header have no other place for it."""
+    write_motions(folder, 0.1)
+    (folder / "in").mkdir()
+    assert run("convert", "motion0.csv", "--out", "in/a_60hz.npz") == 0
+    words = ["in", "--out", "out", "--to", "lafan1"]
+    assert run("convert", *words) == 0
+    assert "note" not in capsys.readouterr().out.splitlines()[-1]
+    (path,) = (folder / "out").iterdir()
+    assert path.name == "a_50hz.csv"
+    back = read(path)
+    assert back.times[-1] == 1.0
+    np.testing.assert_allclose(back.positions, read(folder / "motion0.csv").positions)
+    assert run("convert", *words) == 0
+    assert "a_50hz.csv exists and was kept" in capsys.readouterr().out
+    assert run("convert", "in/a_60hz.npz", "--out", "b_60hz.csv", "--to", "lafan1") == 0
+    assert "--fps 50, as 60 Hz, as in its name, are" in capsys.readouterr().out
+    assert run("retime", *words, "--speed", "1.1") == 0
+    assert (folder / "out" / "a_55hz.csv").exists()
+    (folder / "in" / "a_30hz.npz").write_bytes((folder / "in/a_60hz.npz").read_bytes())
+    assert run("convert", *words, "--force") == 1
+    assert "a_50hz.csv has another motion already" in capsys.readouterr().out
+
+
+def test_files_with_other_extensions_are_counted(folder, capsys):
+    write_motions(folder, 0.1, 0.2)
+    (folder / "notes.txt").write_text("mine")
+    assert run("info", ".") == 0
+    told = capsys.readouterr().err
+    assert told == "motion: 2 motions: 2 read; ignored 2 with other extensions.\n"
+
+
+def test_a_library_has_the_motions_own_names(folder, capsys):
+    write_motions(folder, 0.1, 0.2)
+    (folder / "deeper").mkdir()
+    write_motions(folder / "deeper", 0.3)
+    words = [".", "--out", "all.pkl", "--to", "motion_library"]
+    assert run("convert", *words) == 0
+    assert formats.motion_names(folder / "all.pkl") == (
+        *("motion0", "motion1", "deeper/motion0"),
+    )
+    for name, reach in (("motion0", 0.1), ("motion1", 0.2), ("deeper/motion0", 0.3)):
+        found = read(folder / f"all.pkl#{name}")
+        assert found.positions.max() == pytest.approx(reach)
+    with pytest.raises(InvalidValueError, match=r"all.pkl exists; --force"):
+        run("convert", *words)
+    words = ["all.pkl", "--all", "--out", "out", "--to", "motion_library"]
+    assert run("convert", *words) == 0
+    path = folder / "out" / "all" / "deeper_motion0.pkl"
+    assert formats.motion_names(path) == ("deeper/motion0",)
+    words[3] = "again.pkl"
+    assert run("convert", *words) == 0
+    names = formats.motion_names(folder / "again.pkl")
+    assert names == formats.motion_names(folder / "all.pkl")
+
+
+def test_files_with_fewer_joints_are_told(folder, capsys):
+    robot = Robot()
+    base = np.tile([0.0, 0.0, 0.8, 0.0, 0.0, 0.0, 1.0], (4, 1))
+    whole = robot.trajectory(np.arange(4) / 50, np.zeros((4, 29)), None, base)
+    part = whole.arranged(G1_JOINTS[23])
+    for name, each in (("a", whole), ("b", part)):
+        robot.write_motion(folder / "in" / f"{name}.csv", each)
+    g1 = "package://g1_description/urdf/g1_29dof.urdf"
+    for to in ("csv", "mjlab"):
+        assert run("convert", "in", "--out", to, "--to", to, model=g1) == 0
+        assert capsys.readouterr().err.splitlines()[-1] == (
+            "motion: 1 files have fewer joints than 29: in/b.csv. To write all, "
+            "missing ones at 0: convert --joints 29."
+        )
+    words = ["in", "--out", "d", "--to", "mjlab", "--joints", "29"]
+    assert run("convert", *words, model=g1) == 0
+    assert "fewer joints" not in capsys.readouterr().err
 
 
 def test_files_of_the_same_name_keep_their_extensions(folder):
@@ -256,6 +335,7 @@ def test_one_or_all_motions_of_a_file_are_taken(motions, capsys):
     ("words", "told"),
     [
         ("", "a command is missing; see motion -h."),
+        ("check a.csv", "check is a command of its own: rosrun g1_description check"),
         ("cut motion0.csv --out a.csv", "give --from, --until or both"),
         ("cut motion0.csv --from 0", "the following arguments are required: --out"),
         ("pad motion0.csv --out a.csv", "give --begin, --end or both"),
@@ -286,7 +366,7 @@ def test_what_cannot_be_done_is_told_in_a_line(
     (folder / "post.csv").write_text("mine")
     before = sorted(folder.iterdir())
     given = words.split()
-    given[1:1] = ["--model", "post.urdf"] if given else []
+    given[1:1] = ["--model", "post.urdf"] if given[1:] else []
     line = refused(capsys, monkeypatch, *given)
     assert line.startswith("motion")
     assert told in line

@@ -217,7 +217,7 @@ HOSTILE = {
     ),
     "bytes of 10 GB": (
         lambda: b"\x80\x05\x96" + struct.pack("<Q", 10**10) + bytes(100),
-        "cannot be read: it has an array of 10000000000 bytes",
+        "The pickle ends too early",
     ),
     "long type": (
         lambda: b"\x80\x02cnumpy\ndtype\n" + text("f8," * 3_000_000) + b"\x85R.",
@@ -250,7 +250,7 @@ HOSTILE = {
     ),
     "many axes": (
         lambda: wrapper(whole_number(200) * 300_000),
-        "ends within an array",
+        "The pickle ends too early",
     ),
     "long shape": (
         lambda: wrapper(text("9" * 20_000_000)),

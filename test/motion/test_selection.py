@@ -53,6 +53,42 @@ def test_a_choice_for_a_file_is_for_its_motions_without_one(tmp_path):
     assert not found.keeps(tmp_path / "a # b.pkl")
 
 
+@pytest.mark.parametrize(
+    "entry, motion",
+    [
+        ("a.csv", "a.npz"),
+        ("a.csv", "a"),
+        ("deeper/a_60hz.csv", "deeper/a_50hz.pkl"),
+        ("a.bvh_60hz.csv", "a.bvh.npz"),
+        ('"lib.pkl#/home/x y"', "lib/_home_x_y.npz"),
+    ],
+)
+def test_a_motion_that_was_converted_has_the_choice_of_what_it_was(
+    tmp_path, entry, motion
+):
+    file = tmp_path / "in" / FILE
+    file.parent.mkdir()
+    file.write_text(f"{entry}: exclude\n")
+    found = Selection(file)
+    assert not found.keeps(tmp_path / "in" / motion)
+    assert found.unmatched() == []
+    assert not Selection(file).keeps(tmp_path / "out" / motion, tmp_path / "out")
+    assert Selection(file).keeps(tmp_path / "out" / motion)
+    file.with_name("a.csv").touch()  # the motion beside it is another
+    if entry == "a.csv":
+        assert found.keeps(tmp_path / "in" / motion)
+
+
+def test_an_entry_that_may_mean_several_motions_means_none(tmp_path):
+    file = tmp_path / FILE
+    file.write_text("a.csv: exclude\na.pkl: keep\nb.csv: exclude\n")
+    found = Selection(file)
+    assert found.keeps(tmp_path / "a.npz")
+    assert found.unmatched() == ["a.csv", "a.pkl", "b.csv"]
+    assert not found.keeps(tmp_path / "b.npz")
+    assert found.unmatched() == ["a.csv", "a.pkl"]
+
+
 def test_escapes_of_yaml_are_read(tmp_path):
     file = tmp_path / FILE
     file.write_text('"a\\x41.csv": {choice: keep}\n"b\tc": {choice: exclude}\n')

@@ -54,7 +54,7 @@ class ReplayParameters:
     """Samples per second of a file without times, in [Hz]; 0: unknown."""
 
     order: str = ""
-    """Order of the base's quaternions in a file that does not tell it, xyzw or wxyz."""
+    """Order of the base's quaternions in the file, xyzw or wxyz."""
 
     format: str = ""
     """Format of the file; empty: by its content."""

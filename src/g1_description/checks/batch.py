@@ -78,10 +78,13 @@ class FileChecker(FileWorker):
     """Topic of bags with the joints."""
 
     order: str | None = None
-    """Order of base quaternions in files that do not tell it, xyzw or wxyz."""
+    """Order of base quaternions in files, xyzw or wxyz."""
 
     format: str | None = None
     """Name of the format of all files; None: each by its content."""
+
+    joint_order: str | None = None
+    """Order of joints in files that do not name them, mujoco or isaaclab."""
 
     reader: Reader = read_motion
     """Reads files."""
@@ -117,7 +120,7 @@ class FileChecker(FileWorker):
     def read(self, name: str, content: Content) -> Motion | FileResult:
         """Read a motion; the outcome where there is none."""
         robot = self.checker.description
-        told = self.order, self.format
+        told = self.order, self.format, self.joint_order
         try:
             if isinstance(content, Motion):
                 return content

@@ -182,7 +182,7 @@ class Checker:
             tuple(dict.fromkeys(notes)),
             measured=measured,
         )
-        values = {**verdict.figures, **verdict.counts}
+        values = verdict.rule_figures
         exclusions = self.thresholds.exclusions
         holding = tuple(rule.text for rule in exclusions if rule.holds(values))
         return replace(verdict, excluded_by=holding)

@@ -17,7 +17,7 @@ from g1_description.checks.thresholds import (
     Level,
     Thresholds,
 )
-from g1_description.checks.verdict import COUNTS, FIGURES
+from g1_description.checks.verdict import COUNTS, FIGURES, NOTES, WORST
 from g1_description.errors import ThresholdError
 from g1_description.files.model_files import share_folder
 from g1_description.files.yaml import YamlError, finite_number, read_yaml
@@ -110,7 +110,7 @@ def _exclusion(text: str, value: Any) -> Exclusion:
         raise ThresholdError(
             f"The rule '{text}' must be FIGURE > NUMBER or FIGURE < NUMBER."
         )
-    figures = (*FIGURES, *COUNTS)
+    figures = (*FIGURES, *COUNTS, NOTES, *(rule.name + WORST for rule in RULES))
     if rule.figure not in figures:
         known = listed(similar_first(rule.figure, figures))
         raise ThresholdError(

@@ -29,6 +29,10 @@ FIGURES = (
 )
 """Names of the figures of a motion, in the order of reports."""
 
+NOTES, WORST = "notes", ".worst"
+"""What rules are over, too: the number of notes, and what follows the name of a check
+for the worst size of its findings."""
+
 COUNTS = ("failed", "warnings")
 """Names of the numbers of findings."""
 
@@ -144,6 +148,17 @@ class Verdict:
         """Number of failures and of warnings: of ``failed`` and ``warnings``."""
         severities = [finding.severity for finding in self.findings]
         return dict(zip(COUNTS, map(severities.count, (FAILED, WARNING))))
+
+    @property
+    def rule_figures(self) -> dict[str, float]:
+        """What rules are over: figures, counts, notes and ``CHECK.worst``."""
+        worst = sorted(self.findings, key=lambda finding: finding.badness)
+        return {
+            **self.figures,
+            **self.counts,
+            NOTES: len(self.notes),
+            **{f"{finding.check}{WORST}": finding.worst for finding in worst},
+        }
 
     @property
     def first_time(self) -> float | None:

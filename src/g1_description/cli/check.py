@@ -41,7 +41,12 @@ from g1_description.cli.compare import (
     comparisons_json,
     print_comparisons,
 )
-from g1_description.cli.motion_paths import MotionFiles, motion_files, picture_names
+from g1_description.cli.motion_paths import (
+    MotionFiles,
+    motion_files,
+    picture_names,
+    unmatched,
+)
 from g1_description.cli.progress import Printer
 from g1_description.cli.start import INTERRUPTED
 from g1_description.command_line import number, option, parse, say
@@ -103,6 +108,7 @@ class CheckOptions:
     fps: float | None = options.fps()
     topic: str | None = options.topic()
     order: str | None = options.order()
+    input_joint_order: str | None = options.input_joint_order()
     format: str | None = options.file_format()
     every: bool = option(
         "check all motions of files that have several", False, names=("--all",)
@@ -311,10 +317,11 @@ class Reports:
         """Exclude what rules exclude, unless a person has decided."""
         selection = Selection(path, must_exist=False)
         for task in self._tasks:
-            verdict = outcomes[task.number].verdict if task.number in outcomes else None
+            outcome = outcomes.get(task.number)
+            reasons = _reasons(outcome) if outcome else ()
             chosen = selection.of(task.path)
-            if verdict and verdict.excluded_by and chosen.choice == UNDECIDED:
-                notes = (chosen.note, *verdict.excluded_by)
+            if reasons and chosen.choice == UNDECIDED:
+                notes = (chosen.note, *reasons)
                 note = "; ".join(filter(None, notes))
                 selection.choose(task.path, Choice(EXCLUDE, note))
         selection.write()
@@ -332,6 +339,13 @@ class Reports:
         assert self._kept is not None
         paths = (Path(self._kept.name, f"{number}_{name}") for name in count())
         return [*takewhile(Path.exists, paths)]
+
+
+def _reasons(outcome: FileResult) -> tuple[str, ...]:
+    """Return why a motion is excluded."""
+    if outcome.result == NOT_READ:
+        return (f"not read: {outcome.problem}",)
+    return outcome.verdict.excluded_by if outcome.verdict else ()
 
 
 def _pictures(out: Path | None, tasks: Sequence[Task]) -> dict[int, Path]:
@@ -434,6 +448,8 @@ def check(args: CheckOptions, checker: FileChecker | None = None) -> int:
     """
     selection = Selection(args.selection) if args.selection else None
     files = motion_files(args.files, args.every, selection)
+    if unmatched(selection):
+        notify(unmatched(selection))
     if args.against is not None:
         return _compare(args, files, args.against)
     reports = Reports(args, files.tasks)
@@ -538,6 +554,7 @@ def file_checker(args: CheckOptions) -> FileChecker:
         args.topic,
         args.order,
         args.format,
+        args.input_joint_order,
         draw=FindingPictures(robot.description).draw if args.html else None,
     )
 
@@ -554,11 +571,7 @@ def _summarize(results: Results, files: MotionFiles, stream) -> None:
     """Print the last line."""
     outcomes = [results.outcomes[number] for number in sorted(results.outcomes)]
     text = summary_text(outcomes, results.n_missing)
-    others = files.n_left_out
-    more = f"; ignored {others} with other extensions" if others else ""
-    if files.n_excluded:
-        more += f"; {files.n_excluded} excluded by the selection"
-    say(f"{text}{more}.", stream)
+    say(f"{text}{files.remarks}.", stream)
 
 
 def exit_code(outcomes: Collection[FileResult], named: Collection[str]) -> int:

@@ -6,11 +6,9 @@ It needs neither a master nor a screen.
 from __future__ import annotations
 
 import json
-import os
-import re
 import sys
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -29,8 +27,16 @@ from g1_description.checks.batch import (
     mishap,
 )
 from g1_description.checks.report import NO_MOTION, NOT_READ, FileResult
-from g1_description.cli.motion_edits import COMMANDS, Edit, Info, Join, Reading
-from g1_description.cli.motion_paths import motion_files
+from g1_description.cli.motion_edits import (
+    ANY_ORDER,
+    COMMANDS,
+    Edit,
+    Info,
+    Join,
+    Reading,
+)
+from g1_description.cli.motion_paths import MotionFiles, motion_files, unmatched
+from g1_description.cli.motion_places import is_merged, places_of
 from g1_description.cli.progress import Printer
 from g1_description.cli.recorded_file import WRITERS
 from g1_description.cli.start import INTERRUPTED
@@ -44,12 +50,13 @@ from g1_description.files.atomic import write_whole
 from g1_description.interrupts import uninterrupted
 from g1_description.motion.edit import base_speed, joint_speeds
 from g1_description.motion.files.formats import (
+    check_size,
     contents,
     format_name,
     read_source,
-    writer_of,
 )
 from g1_description.motion.files.source import MotionSource
+from g1_description.motion.files.writing import ONLY
 from g1_description.motion.motion import Motion
 from g1_description.motion.paths import split
 from g1_description.motion.selection import Selection
@@ -70,6 +77,15 @@ class Done(FileResult):
 
     files: Mapping[Path, bytes] = field(default_factory=dict)
     """What is written."""
+
+    place: Path | None = None
+    """The file or folder that is written."""
+
+    motion: str = ""
+    """What the motion is called."""
+
+    is_smaller: bool = False
+    """Whether the file has fewer joints than the robot."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +117,10 @@ class MotionWorker(FileWorker):
                 return Done(name, text=json.dumps(facts))
             return Done(name, text=description(facts, self.robot))
         edited = self.args.edited(motion, self.robot)
-        return written(name, edited, self.robot, self.places[name], self.args.to)
+        place = self.places[name]
+        if place != self.args.out and self.args.to is not None:
+            place = WRITERS[self.args.to].place(place, edited)
+        return written(name, edited, self.robot, place, self.args.to)
 
 
 def read(path: Path, args: Reading, robot: Description) -> tuple[MotionSource, Motion]:
@@ -110,7 +129,9 @@ def read(path: Path, args: Reading, robot: Description) -> tuple[MotionSource, M
     Raises:
         MotionError: If it cannot be read.
     """
-    source = MotionSource(path, args.fps, args.topic, args.order)
+    source = MotionSource(
+        path, args.fps, args.topic, args.order, args.input_joint_order
+    )
     return source, read_source(source, robot, args.format, not args.reads_all)
 
 
@@ -122,7 +143,18 @@ def written(
     size = f"{len(motion.times)} samples, {motion.duration:.2f} s"
     lines = [f"{name} -> {place}: {size}"]
     lines += [f"  note: {note}" for note in dict.fromkeys((*motion.notes, *notes))]
-    return Done(name, text="\n".join(lines), files=files)
+    n_own = len(robot.movable_joints)
+    is_smaller = any(note.startswith(ONLY) for note in notes)
+    is_smaller |= to in (None, *ANY_ORDER) and len(motion.joint_names) < n_own
+    text = "\n".join(lines)
+    return Done(
+        name,
+        text=text,
+        files=files,
+        place=place,
+        motion=motion.name,
+        is_smaller=is_smaller,
+    )
 
 
 def facts_of(motion: Motion) -> dict[str, Any]:
@@ -177,81 +209,6 @@ def description(facts: Mapping[str, Any], robot: Description) -> str:
     return "\n".join(lines)
 
 
-def places_of(args: Edit, tasks: Sequence[Task]) -> dict[str, Path]:
-    """Choose where motions are written.
-
-    Returns:
-        Files or folders by the names of the tasks.
-
-    Raises:
-        InvalidValueError: If ``--out`` is neither a file for one motion nor a folder.
-        MotionError: If the format is unknown.
-    """
-    out = args.out
-    endings = {writer.ending for writer in WRITERS.values()} - {""}
-    is_named = out.suffix.lower() in endings
-    is_single = len(tasks) == 1 and tasks[0].path in args.files
-    is_folder = args.to is not None and not WRITERS[args.to].ending
-    if not out.is_dir() and (is_named or (is_folder and is_single)):
-        if len(tasks) > 1:
-            raise InvalidValueError(
-                f"--out must be a folder for {len(tasks)} motions (got {out})."
-            )
-        if args.to is not None and WRITERS[args.to].ending != out.suffix.lower():
-            raise InvalidValueError(
-                f"{args.to} files end in {WRITERS[args.to].ending or 'nothing'} (got "
-                f"{out})."
-            )
-        return {tasks[0].name: out}
-    if args.to is None and not out.is_dir() and out.suffix:
-        writer_of(out, None, WRITERS)  # says which endings there are
-    if args.to is None:
-        raise InvalidValueError(
-            f"--out {out} is a folder, so --to must name the format: "
-            f"{', '.join(WRITERS)}."
-        )
-    for path in args.files:
-        if path.is_dir() and _is_inside(out, path):
-            raise InvalidValueError(
-                f"--out {out} must not be in {path}, a folder read."
-            )
-    return _in_folder(out, tasks, WRITERS[args.to].ending)
-
-
-def _is_inside(path: Path, folder: Path) -> bool:
-    """Return whether a path is a folder, or in it."""
-    real = Path(os.path.realpath(path))
-    outer = Path(os.path.realpath(folder))
-    return real == outer or outer in real.parents
-
-
-def _in_folder(out: Path, tasks: Sequence[Task], ending: str) -> dict[str, Path]:
-    """Name a file for each motion, as the files lie in their common folder."""
-    sources = [(task, *split(task.path)) for task in tasks]
-    absolute = [Path(os.path.abspath(file)) for _, file, _ in sources]
-    common = os.path.commonpath([path.parent for path in absolute])
-    relative = [path.relative_to(common) for path in absolute]
-    short = {  # a folder has no extension
-        file: file if path.is_dir() else file.with_suffix("")
-        for file, path in zip(relative, absolute)
-    }
-    stems = Counter(short.values())
-    places = {}
-    for (task, _, name), file in zip(sources, relative):
-        # Two files may differ in their extensions only.
-        stem = file if stems[short[file]] > 1 else short[file]
-        if name:
-            stem = stem / re.sub(r"[^\w.+-]+", "_", name).strip(".")
-        places[task.name] = out / stem.with_name(stem.name + ending)
-    twice = [str(place) for place, n in Counter(places.values()).items() if n > 1]
-    if twice:
-        raise InvalidValueError(
-            f"Several motions would be written to {listed(twice)}; convert them one by "
-            "one."
-        )
-    return places
-
-
 def notify(text: str) -> None:
     """Print a message."""
     say(f"motion: {text}", sys.stderr)
@@ -273,39 +230,114 @@ def run(args: Reading) -> int:
     if isinstance(args, Join):
         return join(args, tasks, robot)
     places = places_of(args, tasks) if isinstance(args, Edit) else {}
-    left = [task for task in tasks if not _is_kept(args, places.get(task.name))]
-    if len(tasks) == 1 and not left:
+    out = Output(args, files.named)
+    left = [task for task in tasks if not out.is_kept(places.get(task.name))]
+    if not left and (len(tasks) == 1 or out.is_merged(tasks)):
         raise InvalidValueError(_exists(places[tasks[0].name]))
     left = [replace(task, number=number) for number, task in enumerate(left)]
     worker = MotionWorker(args, robot, places)
-    counts: Counter[str] = Counter()
     is_interrupted = False
     with closing(Printer(len(left), sys.stdout)) as printer:
         try:
             with closing(_pool(args, worker, len(left))) as pool:
                 for task, outcome in check_files(pool, left):
                     with uninterrupted():  # a folder is written whole, and counted
-                        text, problem = _write(task, outcome, args)
-                        is_other = outcome.result == NO_MOTION
-                        is_other &= task.name not in files.named
-                        result = OTHER if is_other else FAILED
-                        counts[result if problem else DONE] += 1
-                    printer.add(task.number, text)
+                        printer.add(task.number, out.add(task, outcome, tasks))
         except KeyboardInterrupt:
             is_interrupted = True
+    if not is_interrupted and out.parts:
+        out.write_merged(places[tasks[0].name])
     done = "read" if isinstance(args, Info) else "written"
-    _summarize(counts, done, len(tasks), len(left))
+    _summarize(out, done, files, len(left), len(robot.movable_joints))
+    if unmatched(selection):
+        notify(unmatched(selection))
     if is_interrupted:
         return INTERRUPTED
-    return 1 if counts[FAILED] else 0
+    return 1 if out.counts[FAILED] else 0
 
 
-DONE, FAILED, OTHER = "done", "failed", NO_MOTION
+DONE, FAILED, OTHER, KEPT = "done", "failed", NO_MOTION, "kept"
 
 
-def _is_kept(args: Reading, place: Path | None) -> bool:
-    """Return whether a file exists that is not to be replaced."""
-    return isinstance(args, Edit) and not args.force and bool(place and place.exists())
+class Output:
+    """Writes outcomes, and counts them."""
+
+    def __init__(self, args: Reading, named: Collection[str]) -> None:
+        """Begin without outcomes.
+
+        Args:
+            args: Of the command line.
+            named: Motions that were given one by one, which must be motions.
+        """
+        self._args = args
+        self._named = named
+        self._made: set[Path] = set()
+        self.counts: Counter[str] = Counter()
+        self.parts: dict[str, bytes] = {}
+        """Files of the motions of one file, by their names."""
+        self.smaller: list[str] = []
+        """Names of motions whose files have fewer joints than the robot."""
+
+    def is_kept(self, place: Path | None) -> bool:
+        """Return whether a file exists that is not to be replaced."""
+        is_free = not isinstance(self._args, Edit) or self._args.force
+        return not is_free and place is not None and place.exists()
+
+    def is_merged(self, tasks: Sequence[Task]) -> bool:
+        """Return whether all motions are written to one file."""
+        return isinstance(self._args, Edit) and is_merged(self._args, tasks)
+
+    def add(self, task: Task, outcome: FileResult, tasks: Sequence[Task]) -> str:
+        """Write an outcome; return what is printed."""
+        problem = outcome.problem
+        if isinstance(outcome, Done) and not problem:
+            try:
+                return self._write(outcome, self.is_merged(tasks))
+            except InvalidValueError as error:
+                problem = str(error)
+        is_other = outcome.result == NO_MOTION and task.name not in self._named
+        self.counts[OTHER if is_other else FAILED] += 1
+        file, name = split(task.path)
+        begin = f"{file.name}{'' if name is None else f'#{name}'}: "
+        problem = problem[len(begin) :] if problem.startswith(begin) else problem
+        if isinstance(self._args, Info) and self._args.json:
+            return json.dumps({"file": task.name, "problem": problem})
+        return f"{task.name}: {problem}"
+
+    def _write(self, done: Done, is_merged: bool) -> str:
+        """Write a motion; return what is printed."""
+        if is_merged:
+            name = done.motion
+            if name in self.parts:
+                name = str(Path(done.file).with_suffix("")).replace("#", "/")
+            self.parts[name] = next(iter(done.files.values()))
+        elif done.place in self._made:
+            raise InvalidValueError(f"{done.place} has another motion already.")
+        elif self.is_kept(done.place):
+            self.counts[KEPT] += 1
+            return (
+                f"{done.file}: {done.place} exists and was kept; --force replaces it."
+            )
+        else:
+            for path, content in done.files.items():
+                write_whole(path, content)
+        self._made |= {done.place} if done.place and not is_merged else set()
+        self.counts[DONE] += 1
+        self.smaller += [done.file] if done.is_smaller else []
+        return done.text
+
+    def write_merged(self, place: Path) -> None:
+        """Write the file of several motions.
+
+        Raises:
+            InvalidValueError: If it cannot be written.
+        """
+        assert isinstance(self._args, Edit) and self._args.to is not None
+        merged = WRITERS[self._args.to].merged
+        assert merged is not None
+        content = merged(self.parts)
+        check_size(place, content)
+        write_whole(place, content)
 
 
 def _exists(place: Path) -> str:
@@ -318,28 +350,13 @@ def _pool(args: Reading, worker: MotionWorker, n_files: int) -> Here:
     return Processes(worker, n_processes) if n_processes > 1 else Here(worker)
 
 
-def _write(task: Task, outcome: FileResult, args: Reading) -> tuple[str, str]:
-    """Write a motion; return what is printed, and the problem if there is one."""
-    problem = outcome.problem
-    if isinstance(outcome, Done):
-        try:
-            for path, content in outcome.files.items():
-                write_whole(path, content)
-            return outcome.text, ""
-        except InvalidValueError as error:
-            problem = str(error)
-    file, name = split(task.path)
-    begin = f"{file.name}{'' if name is None else f'#{name}'}: "
-    problem = problem[len(begin) :] if problem.startswith(begin) else problem
-    if isinstance(args, Info) and args.json:
-        return json.dumps({"file": task.name, "problem": problem}), problem
-    return f"{task.name}: {problem}", problem
-
-
-def _summarize(counts: Mapping[str, int], done: str, n_tasks: int, n_left: int) -> None:
+def _summarize(
+    out: Output, done: str, files: MotionFiles, n_left: int, n_joints: int
+) -> None:
     """Print the counts, unless there is one motion."""
-    n_missing, n_kept = n_left - sum(counts.values()), n_tasks - n_left
-    if n_tasks < 2 and not n_missing:
+    counts, n_tasks = out.counts, len(files.tasks)
+    n_missing, n_kept = n_left - sum(counts.values()), n_tasks - n_left + counts[KEPT]
+    if n_tasks < 2 and not n_missing and not files.n_left_out:
         return
     parts = [f"{counts[DONE]} {done}"]
     parts += [f"{counts[FAILED]} failed"] if counts[FAILED] else []
@@ -347,7 +364,13 @@ def _summarize(counts: Mapping[str, int], done: str, n_tasks: int, n_left: int) 
     parts += [f"{n_missing} not done"] if n_missing else []
     if n_kept:
         parts.append(f"{n_kept} exist and were kept, --force replaces them")
-    notify(f"{n_tasks} motions: {', '.join(parts)}.")
+    notify(f"{n_tasks} motions: {', '.join(parts)}{files.remarks}.")
+    if 0 < len(out.smaller) < counts[DONE]:
+        notify(
+            f"{len(out.smaller)} files have fewer joints than {n_joints}: "
+            f"{listed(out.smaller)}. To write all, missing ones at 0: convert --joints "
+            f"{n_joints}."
+        )
 
 
 def join(args: Join, tasks: Sequence[Task], robot: Description) -> int:
@@ -360,13 +383,17 @@ def join(args: Join, tasks: Sequence[Task], robot: Description) -> int:
         raise InvalidValueError("join needs at least two motions.")
     whole = replace(tasks[0], path=args.files[0])
     place = places_of(replace(args, files=[whole.path]), [whole])[whole.name]
-    if _is_kept(args, place):
+    out = Output(args, ())
+    if out.is_kept(place):
         raise InvalidValueError(_exists(place))
     motion = args.joined([read(task.path, args, robot)[1] for task in tasks])
     done = written(f"{len(tasks)} motions", motion, robot, place, args.to)
-    text, problem = _write(whole, done, args)
-    say(text)
-    return 1 if problem else 0
+    say(out.add(whole, done, [whole]))
+    return 1 if out.counts[FAILED] else 0
+
+
+PROGRAMS = ("check", "play", "record", "snapshot", "web", "pose")
+"""Commands that are taken for subcommands of this one."""
 
 
 def parsed(words: Sequence[str]) -> Reading:
@@ -380,6 +407,9 @@ def parsed(words: Sequence[str]) -> Reading:
         usage="motion [-h] COMMAND ...",
     )
     commands = top.add_subparsers(title="commands", metavar="COMMAND", dest="command")
+    if words and words[0] in PROGRAMS:
+        own = f"rosrun g1_description {words[0]}"
+        top.error(f"{words[0]} is a command of its own: {own}")
     for name, options in COMMANDS.items():
         commands.add_parser(name, help=str(options.__doc__).splitlines()[0])
     top.parse_args(words)

@@ -16,8 +16,13 @@ from g1_description.motion.edit import (
     highest_speed,
     joined,
 )
-from g1_description.motion.files.beyond_mimic import breadth_first
-from g1_description.motion.files.conventions import ASAP_JOINTS, G1_JOINTS
+from g1_description.motion.files.conventions import (
+    ASAP_JOINTS,
+    G1_JOINTS,
+    ISAAC_LAB,
+    JOINT_ORDERS,
+    breadth_first,
+)
 from g1_description.motion.mirror import mirrored
 from g1_description.motion.motion import Motion, fitted
 from g1_description.robot.description import Description
@@ -31,9 +36,6 @@ JOINTS: Mapping[str, tuple[str, ...]] = {
     "asap": ASAP_JOINTS,
 }
 """Joints of versions of the G1, by the name of the option's value."""
-
-ISAAC_LAB = "isaaclab"
-ORDERS = ("mujoco", ISAAC_LAB)
 
 ANY_ORDER = ("csv", "npz", "bag")
 """Formats that name joints in any order."""
@@ -56,6 +58,7 @@ class Reading:
     fps: float | None = options.fps()
     topic: str | None = options.topic()
     order: str | None = options.order()
+    input_joint_order: str | None = options.input_joint_order()
     format: str | None = options.file_format()
     every: bool = option(
         "take all motions of files that have several", False, names=("--all",)
@@ -129,7 +132,7 @@ class Convert(Edit):
         None,
         str,
         shown="that of the motion",
-        choices=ORDERS,
+        choices=JOINT_ORDERS,
     )
 
     def check(self, robot: Description) -> None:

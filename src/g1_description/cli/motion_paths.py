@@ -14,6 +14,7 @@ from g1_description.motion import selection as selections
 from g1_description.motion.files.formats import ENDINGS, is_motion_folder, motion_names
 from g1_description.motion.paths import split
 from g1_description.motion.selection import Selection
+from g1_description.text import listed
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,15 @@ class MotionFiles:
 
     n_excluded: int = 0
     """Number of files that a selection does not keep."""
+
+    @property
+    def remarks(self) -> str:
+        """What is said of the files that are not taken."""
+        others = self.n_left_out
+        more = f"; ignored {others} with other extensions" if others else ""
+        if self.n_excluded:
+            more += f"; {self.n_excluded} excluded by the selection"
+        return more
 
 
 def motion_files(
@@ -54,15 +64,15 @@ def motion_files(
         InvalidValueError: If a file does not exist, a folder has no motions, or the
             selection keeps none.
     """
-    found: dict[tuple[str, int], tuple[str, Path]] = {}
+    found: dict[tuple[str, int], tuple[str, Path, Path | None]] = {}
     named, n_left_out = set(), 0
 
-    def add(path: Path) -> list[str]:
+    def add(path: Path, folder: Path | None = None) -> list[str]:
         """Add a file, unless it was found by another name; return its first names."""
         first = []
         for name in _names(path) if every else [path]:
             key = _key(name), len(found) if repeats else 0
-            first.append(found.setdefault(key, (str(name), name))[0])
+            first.append(found.setdefault(key, (str(name), name, folder))[0])
         return first
 
     for path in paths:
@@ -84,15 +94,25 @@ def motion_files(
             )
         n_left_out += len(below) - len(motions)
         for file in motions:
-            add(file)
+            add(file, path)
     kept = [*found.values()]
     if selection is not None:
-        kept = [item for item in kept if selection.keeps(item[1])]
+        kept = [item for item in kept if selection.keeps(*item[1:])]
         if not kept:
             raise InvalidValueError(f"{selection.path} excludes all motions.")
-    tasks = [Task(number, *item) for number, item in enumerate(kept)]
+    tasks = [Task(number, *item[:2]) for number, item in enumerate(kept)]
     n_excluded = len(found) - len(kept)
     return MotionFiles(tuple(tasks), frozenset(named), n_left_out, n_excluded)
+
+
+def unmatched(selection: Selection | None) -> str:
+    """Say which entries of a selection have no motion; empty if there are none."""
+    names = [] if selection is None else selection.unmatched()
+    if selection is None or not names:
+        return ""
+    begin = f"{len(names)} entries" if len(names) > 1 else "1 entry"
+    verb = "match" if len(names) > 1 else "matches"
+    return f"{begin} of {selection.path} {verb} no motion: {listed(names)}."
 
 
 def _key(path: Path) -> str:

@@ -102,14 +102,27 @@ ORDERS = ("xyzw", "wxyz")
 
 
 def order() -> Any:
-    """Declare the order of quaternions of files that do not tell it."""
+    """Declare the order of quaternions in files."""
     return option(
-        "order of the base's quaternions in files that do not tell it",
+        "order of the base's quaternions in the file",
         None,
         str,
         choices=ORDERS,
-        shown="by the feet of the standing robot",
-        see="[what a file does not say](motions.md#what-a-file-does-not-say)",
+        shown="that of the format, or by the feet of the standing robot",
+        see="[what a file does not say](motion_formats.md#what-a-file-does-not-say)",
+    )
+
+
+def input_joint_order() -> Any:
+    """Declare the order of joints in files that do not name them."""
+    return option(
+        "order of the joints in files that do not name them: mujoco, that of the "
+        "robot's file, or isaaclab, breadth first",
+        None,
+        str,
+        choices=("mujoco", "isaaclab"),
+        shown="that of the format",
+        see="[what a file does not say](motion_formats.md#what-a-file-does-not-say)",
     )
 
 
@@ -121,7 +134,7 @@ def file_format() -> Any:
         _format,
         metavar="NAME",
         shown="by its content",
-        see="[formats](motions.md#which-format-is-it)",
+        see="[formats](motion_formats.md#which-format-is-it)",
     )
 
 

@@ -16,8 +16,8 @@ from g1_description.bridge.parameters import BridgeParameters, base_child, stati
 from g1_description.errors import MotionError
 from g1_description.files.atomic import whole_file
 from g1_description.motion.files import formats
+from g1_description.motion.files.arrays import MAX_SIZE
 from g1_description.motion.files.bag import MAX_MESSAGES
-from g1_description.motion.files.source import MAX_SIZE
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.robot.transform import IDENTITY

@@ -64,6 +64,9 @@ class Motion:
     has_times: bool = True
     """Whether its file has times or a rate."""
 
+    name: str = ""
+    """What its file calls it; else the name of its file without the extension."""
+
     def __post_init__(self) -> None:
         """Check the numbers."""
         n_samples, n_joints = len(self.times), len(self.joint_names)

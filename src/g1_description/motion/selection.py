@@ -13,7 +13,7 @@ from typing import Any
 from g1_description.errors import InvalidValueError
 from g1_description.files.atomic import write_whole
 from g1_description.files.yaml import YamlError, parse_yaml
-from g1_description.motion.paths import split
+from g1_description.motion.paths import plain, split
 
 FILE = "selection.yaml"
 """Usual name of the file, in the folder of the motions."""
@@ -62,8 +62,12 @@ class Selection:
         self.choices: dict[str, Choice] = {}
         """By the path of the motion from the file's folder, and ``*``."""
         self._folder = os.path.realpath(self.path.parent)
+        self.used: set[str] = set()
+        """Entries of motions that somebody has asked for."""
         self._folders: dict[str, str] = {}
         """Paths of folders of motions from this one."""
+        self._plain: dict[str, list[str]] = {}
+        """Entries by what names have in common."""
         if must_exist or self.path.exists():
             self.choices = _read(self.path)
 
@@ -77,20 +81,70 @@ class Selection:
         found = Path(self._folders[folder], name).as_posix()
         return found if part is None else f"{found}#{part}"
 
-    def of(self, motion: str | os.PathLike[str]) -> Choice:
+    def of(
+        self,
+        motion: str | os.PathLike[str],
+        folder: str | os.PathLike[str] | None = None,
+    ) -> Choice:
         """Return the choice for a motion; undecided if it is not in the file.
 
-        That for a file of several motions is for those without one of their own.
+        That for a file of several motions is for those without one of their own. A
+        motion that was converted has the choice of the one that it was, if there is
+        only one of its name.
+
+        Args:
+            motion: Its path.
+            folder: The folder of converted motions in which it is, if it is not in the
+                folder of this file.
         """
-        found = self.choices.get(self.name(motion), Choice())
+        entry = self._entry(motion, folder)
+        self.used |= {entry}
+        found = self.choices.get(entry, Choice())
         file, part = split(Path(motion))
         if found.choice == UNDECIDED and part is not None:
-            return replace(found, choice=self.of(file).choice)
+            return replace(found, choice=self.of(file, folder).choice)
         return found
 
-    def keeps(self, motion: str | os.PathLike[str]) -> bool:
-        """Return whether a motion is used."""
-        found = self.of(motion)
+    def _entry(
+        self,
+        motion: str | os.PathLike[str],
+        folder: str | os.PathLike[str] | None,
+    ) -> str:
+        """Return what the file calls a motion, or the one that it was."""
+        name = self.name(motion)
+        if name in self.choices or not self.choices:
+            return name
+        is_away = folder is not None and name.startswith("../")
+        if is_away:
+            name = Path(os.path.relpath(motion, folder)).as_posix()
+        if name in self.choices:
+            return name
+        if not self._plain or sum(map(len, self._plain.values())) != len(self.choices):
+            self._plain = {}
+            for entry in self.choices:
+                self._plain.setdefault(plain(entry), []).append(entry)
+        found = self._plain.get(plain(name), [])
+        is_other = is_away or not any(map(self._exists, found))
+        return found[0] if len(found) == 1 and is_other else name
+
+    def _exists(self, entry: str) -> bool:
+        """Return whether there is a file of an entry."""
+        return os.path.exists(os.path.join(self._folder, entry.partition("#")[0]))
+
+    def unmatched(self) -> list[str]:
+        """List the entries that no motion has, of those that were asked for."""
+        names = [name for name in self.choices if name != OTHERS]
+        if self.used & {*names}:
+            names = [n for n in names if n not in self.used and not self._exists(n)]
+        return names
+
+    def keeps(
+        self,
+        motion: str | os.PathLike[str],
+        folder: str | os.PathLike[str] | None = None,
+    ) -> bool:
+        """Return whether a motion is used; arguments are those of ``of``."""
+        found = self.of(motion, folder)
         if found.choice == UNDECIDED:
             found = self.choices.get(OTHERS, Choice(KEEP))
         return found.choice != EXCLUDE

@@ -6,9 +6,10 @@ in lists; quaternions are x y z w.
 
 from __future__ import annotations
 
+from g1_description.motion.files.arrays import Arrays
 from g1_description.motion.files.gmr import read_arrays
 from g1_description.motion.files.mimickit import table
-from g1_description.motion.files.source import Arrays, MotionSource
+from g1_description.motion.files.source import MotionSource
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 

@@ -66,7 +66,7 @@ def read(source: MotionSource, robot: Description) -> Motion:
             "joints, and the velocities of all these."
         )
     positions = frames[:, N_BASE : N_BASE + n_joints]
-    joints, notes = names_of_columns(positions, robot)
+    joints, notes = names_of_columns(source, positions, robot)
     roll, pitch, yaw = (
         from_axis_angle(np.eye(3)[i], frames[:, 3 + i]) for i in range(3)
     )

@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Any, List, Tuple
 import numpy as np
 
 from g1_description.errors import MotionError, cause
-from g1_description.motion.files.source import MAX_SIZE, MotionSource
+from g1_description.motion.files.arrays import MAX_SIZE
+from g1_description.motion.files.source import MotionSource
 from g1_description.motion.motion import Motion, sample
 from g1_description.robot.assembly import base_of
 from g1_description.robot.description import Description

@@ -13,13 +13,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from g1_description.errors import MotionError
 from g1_description.motion.files.conventions import (
+    JOINT_ORDERS,
     base_of,
+    breadth_first,
     layouts,
     names_of_columns,
     of_robot,
@@ -36,9 +39,8 @@ from g1_description.motion.files.writing import (
     velocities_of,
 )
 from g1_description.motion.motion import MAX_SAMPLES, Motion
-from g1_description.robot.description import Description, Joint
+from g1_description.robot.description import Description
 from g1_description.robot.kinematics import Kinematics
-from g1_description.robot.tree import below
 from g1_description.text import MAX_NAME
 
 ARRAYS = ("fps", "joint_pos", "body_pos_w", "body_quat_w")
@@ -58,108 +60,116 @@ NO_BASE = "An npz needs base poses, and this motion has none; write .csv."
 
 UNKNOWN_ORDER = "The joint order is unknown; assuming that of the robot's file."
 
+TURNED = (
+    "The bodies fit only if the quaternions are x y z w, though this format has w x y "
+    "z: --order xyzw reads them so."
+)
+
 CONTROL_RATE = 50.0
 """Samples per second at which both trainers step, in [Hz]."""
 
 
 def recognise(source: MotionSource) -> bool:
-    """Return whether a file has these arrays; velocities and names may be missing."""
-    return {*ARRAYS} <= {*source.arrays}
+    """Return whether a file has these arrays; rate, velocities and names may miss."""
+    return {*ARRAYS[1:]} <= {*source.arrays}
 
 
 def read(source: MotionSource, robot: Description) -> Motion:
     """Read a motion.
 
     Raises:
-        MotionError: If an array has a wrong shape or content.
+        MotionError: If an array has a wrong shape or content, or there is no rate.
     """
-    positions = source.arrays.numbers("joint_pos", None, None)
+    arrays = source.arrays
+    positions = arrays.numbers("joint_pos", None, None)
     n_samples, n_joints = positions.shape
-    places = source.arrays.numbers("body_pos_w", n_samples, None, 3)
-    turns = source.arrays.numbers("body_quat_w", n_samples, places.shape[1], 4)
-    velocities = read_velocities(source.arrays, "joint_vel", positions)
+    places = arrays.numbers("body_pos_w", n_samples, None, 3)
+    turns = arrays.numbers("body_quat_w", n_samples, places.shape[1], 4)
+    velocities = read_velocities(arrays, "joint_vel", positions)
     if not places.shape[1]:
         raise MotionError("body_pos_w must have at least one body, the root.")
-    named = None
-    if "joint_names" in source.arrays:
-        named = source.arrays.names("joint_names")
+    named = links = None
+    if "joint_names" in arrays:
+        named = arrays.names("joint_names")
         if len(named) != n_joints:
             raise MotionError(
                 f"joint_names has {len(named)} names for {n_joints} joints."
             )
-    times, of_times = source.arrays.times(n_samples)
-    root = 0
-    if "body_names" in source.arrays:
-        links = source.arrays.names("body_names")[: places.shape[1]]
+    root, lacking = 0, ""
+    if "body_names" in arrays:
+        links = arrays.names("body_names")[: places.shape[1]]
         if robot.root in links:
             root = links.index(robot.root)
         elif links:
-            lacking = f"The bodies lack the base, {robot.root}: assuming the first one"
-            of_times += (f"{lacking}, {links[0][:MAX_NAME]}.",)
-    base = base_of(places[:, root], turns[:, root])
-    names, notes = _names(named, positions, base, places, robot)
-    return Motion(times, names, positions, velocities, base, (*notes, *of_times))
+            lacking = (
+                f"The bodies lack the base, {robot.root}: assuming the first one, "
+                f"{links[0][:MAX_NAME]}."
+            )
+    base = base_of(places[:, root], turns[:, root], source.order)
+    orders = [named] if named else _orders(source, n_joints, robot)
+    names, notes = _fitting(orders, positions, base, places, links, robot)
+    if named is not None:
+        names = named
+    elif names is None:
+        names, notes = names_of_columns(source, positions, robot)
+        notes = (*notes, UNKNOWN_ORDER)
+    elif names not in layouts(n_joints, robot):
+        notes = ("Joint order: Isaac Lab.", *notes)
+    notes = (*notes, *([lacking] if lacking else ()))
+    times = np.arange(n_samples)
+    motion = Motion(times, names, positions, velocities, base, notes)
+    if "fps" in arrays:
+        times, of_times = arrays.times(n_samples)
+        return replace(motion, times=times, notes=(*notes, *of_times))
+    if source.told_rate is None:
+        raise MotionError("The array fps is missing: give the rate, --fps.")
+    return source.timed(motion, CONTROL_RATE, "")
 
 
-def _names(
-    named: tuple[str, ...] | None,
+def _fitting(
+    orders: Sequence[tuple[str, ...]],
     positions: np.ndarray,
     base: np.ndarray,
     places: np.ndarray,
+    links: Sequence[str] | None,
     robot: Description,
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Name the joints as in the file, else by the best fit of the bodies.
+) -> tuple[tuple[str, ...] | None, tuple[str, ...]]:
+    """Choose the order of joints that the bodies fit best.
 
     Returns:
-        The names, and messages on assumptions and on bodies that do not fit.
+        Their names, None if the bodies do not tell, and a message if they do not fit.
     """
-    n_joints = positions.shape[1]
     own = {joint.name for joint in robot.movable_joints}
-    orders = [
-        order
-        for order in ([named] if named else _orders(n_joints, robot))
-        if {*order} <= own and places.shape[1] == n_joints + 1
-    ]
-    if not orders and named is not None:
-        return named, ()
+    is_told = links is not None or places.shape[1] == positions.shape[1] + 1
+    orders = [order for order in orders if {*order} <= own and is_told]
     if not orders:
-        names, notes = names_of_columns(positions, robot)
-        return names, (*notes, UNKNOWN_ORDER)
-    errors = [_deviation(order, positions, base, places, robot) for order in orders]
-    best = int(np.argmin(errors))
-    found: list[str] = []
-    if named is None and orders[best] not in layouts(n_joints, robot):
-        found.append("Joint order: Isaac Lab.")
-    if errors[best] > BODY_MISMATCH:
-        found.append(
-            f"The bodies in the file are up to {errors[best]:.3f} m off those of "
-            f"{robot.name}: the motion may be for another robot or version."
-        )
-    return orders[best], tuple(found)
+        return None, ()
+    poses = base, base[:, [0, 1, 2, 6, 3, 4, 5]]
+    errors = [
+        [_deviation(n, positions, pose, places, links, robot) for n in orders]
+        for pose in poses
+    ]
+    best, turned = (int(np.argmin(found)) for found in errors)
+    if errors[0][best] <= BODY_MISMATCH:
+        return orders[best], ()
+    if errors[1][turned] <= BODY_MISMATCH:
+        return orders[turned], (TURNED,)
+    off = (
+        f"The bodies in the file are up to {errors[0][best]:.3f} m off those of "
+        f"{robot.name}: the motion may be for another robot or version."
+    )
+    return orders[best], (off,)
 
 
-def _orders(n_joints: int, robot: Description) -> list[tuple[str, ...]]:
+def _orders(
+    source: MotionSource, n_joints: int, robot: Description
+) -> list[tuple[str, ...]]:
     """List the possible orders of unnamed joints."""
     found = layouts(n_joints, robot)
     isaac = [breadth_first(robot, names) for names in found]
-    return [*found, *(order for order in isaac if len(order) == n_joints)]
-
-
-def breadth_first(robot: Description, names: Collection[str]) -> tuple[str, ...]:
-    """List named joints breadth first, as Isaac Lab does, as if all others were fixed.
-
-    Args:
-        robot: The robot.
-        names: Of the joints; those that the robot does not have are left out.
-    """
-    depth = {robot.root: 0}
-    found: list[Joint] = []
-    for joint in below([robot.root], robot.joints):
-        is_named = joint.name in names
-        depth[joint.child] = depth[joint.parent] + is_named
-        found += [joint] if is_named else []
-    found.sort(key=lambda joint: depth[joint.child])
-    return tuple(joint.name for joint in found)
+    isaac = [order for order in isaac if len(order) == n_joints]
+    by_name = dict(zip(JOINT_ORDERS, (found, isaac)))
+    return by_name.get(source.joint_order or "", [*found, *isaac])
 
 
 def _deviation(
@@ -167,21 +177,24 @@ def _deviation(
     positions: np.ndarray,
     base: np.ndarray,
     places: np.ndarray,
+    links: Sequence[str] | None,
     robot: Description,
 ) -> float:
     """Compute the largest distance of bodies from the robot's, in [m].
 
-    ``places`` are positions of the root and the joints' child links, shape (n, n_joints
-    + 1, 3). Joints that are not named are at zero.
+    ``places`` are positions of ``links``, shape (n, n_links, 3); None: the root and the
+    joints' child links. Joints that are not named are at zero.
     """
-    child = {joint.name: joint.child for joint in robot.movable_joints}
-    links = [robot.root, *(child[name] for name in names)]
-    rows = [robot.link_names.index(link) for link in links]
+    if links is None:
+        child = {joint.name: joint.child for joint in robot.movable_joints}
+        links = [robot.root, *(child[name] for name in names)]
+    own = [column for column, link in enumerate(links) if link in robot.link_names]
+    rows = [robot.link_names.index(links[column]) for column in own]
     compared = np.linspace(0, len(places) - 1, N_COMPARED).astype(int)
     of_joints = of_robot(names, positions[compared], robot)
     poses = Kinematics(robot).link_poses(base[compared], of_joints)
-    offsets = poses[:, rows, :3] - places[compared]
-    return float(np.linalg.norm(offsets, axis=-1).max())
+    offsets = poses[:, rows, :3] - places[compared][:, own]
+    return float(np.linalg.norm(offsets, axis=-1).max(initial=0.0))
 
 
 def most_samples(joints: Sequence[str], has_base: bool, size: int) -> int:

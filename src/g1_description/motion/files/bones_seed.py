@@ -16,7 +16,7 @@ import numpy as np
 from g1_description.errors import MotionError
 from g1_description.motion.files import table
 from g1_description.motion.files.source import MotionSource
-from g1_description.motion.files.writing import prepared, untold
+from g1_description.motion.files.writing import prepared
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.robot.rotation import axes_to_rpy, from_rpy, to_axes
@@ -98,7 +98,7 @@ def write(
     Returns:
         The file's content, and messages on differences from the motion.
     """
-    found, fps, notes = prepared(motion, robot, rate)
+    found, _, notes = prepared(motion, robot, rate)
     base = found.base_poses
     assert base is not None
     turns = axes_to_rpy(to_axes(base[:, 3:]))
@@ -106,5 +106,4 @@ def write(
     names = [*PLACE, *TURN, *(name + JOINT for name in found.joint_names)]
     header, *rows = table.rows_text(np.concatenate(values, axis=1), names).split("\n")
     lines = [f"{FRAME},{header}", *(f"{n},{row}" for n, row in enumerate(rows[:-1]))]
-    told = untold(fps, USUAL_RATE)
-    return "\r\n".join([*lines, ""]).encode(), (*notes, *told)
+    return "\r\n".join([*lines, ""]).encode(), notes

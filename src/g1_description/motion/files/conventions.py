@@ -6,18 +6,21 @@ files with the same shape.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from g1_description.errors import MotionError
-from g1_description.motion.files.source import Arrays
+from g1_description.motion.files.arrays import Arrays
+from g1_description.motion.files.source import MotionSource
 from g1_description.motion.motion import Motion
 from g1_description.robot.assembly import WORLD
-from g1_description.robot.description import Description
+from g1_description.robot.description import Description, Joint
 from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.rotation import rotate
+from g1_description.robot.transform import IDENTITY, compose
+from g1_description.robot.tree import below
 from g1_description.text import listed
 
 LEG = ("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll")
@@ -50,6 +53,10 @@ _ISAAC_ORDER = (
 ISAAC_JOINTS = tuple(G1_JOINTS[29][number] for number in _ISAAC_ORDER)
 """The 29 joints breadth first, as Isaac Lab lists them."""
 
+ISAAC_LAB = "isaaclab"
+JOINT_ORDERS = ("mujoco", ISAAC_LAB)
+"""Orders of joints without names: that of the robot's file, and breadth first."""
+
 _LIMITS = {
     "waist_roll_joint": 0.52,
     "waist_pitch_joint": 0.52,
@@ -79,6 +86,9 @@ N_SAMPLES = 100
 MAX_ANGLE = 10.0
 """Larger angles of revolute joints must be degrees, even unwrapped, in [rad]."""
 
+W_FIRST_COLUMNS = [0, 1, 2, 4, 5, 6, 3]
+"""How poses with quaternions w x y z are read as if they had x y z w."""
+
 W_FIRST = "Base quaternions are read as w x y z: only then are the feet flat."
 
 EITHER = (
@@ -88,12 +98,13 @@ EITHER = (
 
 UNKNOWN_QUATERNION = (
     "Cannot tell the quaternion order of the base: the feet are flat in neither. Give "
-    "it: --order xyzw or --order wxyz."
+    "it, --order xyzw or --order wxyz; or the joints are in another order, "
+    "--input-joint-order isaaclab."
 )
 
 
 def names_of_columns(
-    positions: np.ndarray, robot: Description
+    source: MotionSource, positions: np.ndarray, robot: Description
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Name the joints of a file without names.
 
@@ -102,6 +113,7 @@ def names_of_columns(
     of which 67 were in ASAP's layout and 59 cut to Unitree's.
 
     Args:
+        source: The file, for the order of joints if the user tells it.
         positions: Positions of the joints, shape (n_samples, n_joints).
         robot: The robot; if the numbers of joints are equal, its names in their order.
 
@@ -113,9 +125,11 @@ def names_of_columns(
         MotionError: If no known robot has that number.
     """
     found = layouts(positions.shape[1], robot)
+    is_isaac = source.joint_order == ISAAC_LAB
+    ordered = [breadth_first(robot, n) if is_isaac else n for n in found]
     if len(found) == 1:
-        return found[0], ()
-    excess = [_excess(positions, names, robot) for names in found]
+        return ordered[0], ()
+    excess = [_excess(positions, names, robot) for names in ordered]
     fitting = [number for number, beyond in enumerate(excess) if beyond <= BEYOND]
     best = fitting[0] if fitting else int(np.argmin(excess))
     is_asap = found[best] == ASAP_JOINTS
@@ -129,7 +143,7 @@ def names_of_columns(
         f"23 unnamed joints are ambiguous; assuming {layout}: {why}. Name the joints "
         "in a CSV header."
     )
-    return found[best], (note,)
+    return ordered[best], (note,)
 
 
 def layouts(n_joints: int, robot: Description) -> list[tuple[str, ...]]:
@@ -154,6 +168,23 @@ def layouts(n_joints: int, robot: Description) -> list[tuple[str, ...]]:
     return found
 
 
+def breadth_first(robot: Description, names: Collection[str]) -> tuple[str, ...]:
+    """List named joints breadth first, as Isaac Lab does, as if all others were fixed.
+
+    Args:
+        robot: The robot.
+        names: Of the joints; those that the robot does not have are left out.
+    """
+    depth = {robot.root: 0}
+    found: list[Joint] = []
+    for joint in below([robot.root], robot.joints):
+        is_named = joint.name in names
+        depth[joint.child] = depth[joint.parent] + is_named
+        found += [joint] if is_named else []
+    found.sort(key=lambda joint: depth[joint.child])
+    return tuple(joint.name for joint in found)
+
+
 def _excess(positions: np.ndarray, names: tuple[str, ...], robot: Description) -> float:
     """Return the largest excess of positions over the limits, in [rad]."""
     limits = {name: (-limit, limit) for name, limit in _LIMITS.items()}
@@ -163,9 +194,25 @@ def _excess(positions: np.ndarray, names: tuple[str, ...], robot: Description) -
     return float(excess.max(initial=-np.inf))
 
 
-def base_of(places: np.ndarray, turns: np.ndarray) -> np.ndarray:
-    """Join places and quaternions w x y z of a format to poses, shape (n, 7)."""
-    return np.concatenate([places, turns[:, 1:], turns[:, :1]], axis=1)
+def isaac_joints(source: MotionSource) -> tuple[str, ...]:
+    """Name the 29 joints of a format that has Isaac Lab's order."""
+    is_other = source.joint_order not in (None, ISAAC_LAB)
+    return G1_JOINTS[29] if is_other else ISAAC_JOINTS
+
+
+def base_of(
+    places: np.ndarray, turns: np.ndarray, order: str | None = None
+) -> np.ndarray:
+    """Join places and quaternions of a format to poses, shape (n, 7).
+
+    Args:
+        places: In [m], shape (n, 3).
+        turns: Quaternions, shape (n, 4).
+        order: Theirs, xyzw or wxyz; None: wxyz.
+    """
+    if order != "xyzw":
+        turns = turns[:, [1, 2, 3, 0]]
+    return np.concatenate([places, turns], axis=1)
 
 
 def known(velocities: np.ndarray, positions: np.ndarray) -> np.ndarray | None:
@@ -238,15 +285,14 @@ def w_last(
     """
     check_radians(motion, robot)
     base = motion.base_poses
-    has_soles = {*SOLES} <= {*robot.profile.links}
     if base is None or order == "xyzw":
         return motion
-    other = replace(motion, base_poses=base[:, [0, 1, 2, 4, 5, 6, 3]])
+    other = replace(motion, base_poses=base[:, W_FIRST_COLUMNS])
     if order == "wxyz":
         return other
-    if not has_soles or robot.root == WORLD or len(robot.roots) > 1:
+    if not has_soles(robot):
         return motion
-    as_read, turned = (_tilt(each, robot) for each in (motion, other))
+    as_read, turned = map(tilt_on_floor, lower_feet(motion, robot, W_FIRST_COLUMNS))
     if min(as_read, turned) > MAX_TILT and not is_told:
         raise MotionError(UNKNOWN_QUATERNION)
     if as_read <= turned + SAME_TILT or turned > MAX_TILT:
@@ -255,20 +301,51 @@ def w_last(
     return replace(other, notes=(*motion.notes, W_FIRST))
 
 
-def _tilt(trajectory: Motion, robot: Description) -> float:
-    """Find the tilt of the lower sole in [deg]; infinite if it is below the floor."""
-    count = len(trajectory.times)
-    samples = np.unique(np.linspace(0, count - 1, N_SAMPLES).astype(int))
-    positions = of_robot(trajectory.joint_names, trajectory.positions[samples], robot)
-    assert trajectory.base_poses is not None
-    base = trajectory.base_poses[samples]
-    rows = [robot.link_names.index(robot.profile.links[role]) for role in SOLES]
-    feet = Kinematics(robot).link_poses(base, positions)[:, rows]
-    lower = feet[np.arange(len(samples)), np.argmin(feet[..., 2], axis=1)]
-    if np.median(lower[:, 2]) < LOWEST_FOOT:
-        return np.inf
+def has_soles(robot: Description) -> bool:
+    """Return whether a robot is one whose feet tell how it stands."""
+    is_whole = robot.root != WORLD and len(robot.roots) == 1
+    return is_whole and {*SOLES} <= {*robot.profile.links}
+
+
+def tilt_on_floor(lower: np.ndarray) -> float:
+    """Find the tilt of the lower feet in [deg]; infinite if below the floor."""
+    return np.inf if np.median(lower[:, 2]) < LOWEST_FOOT else tilt(lower)
+
+
+def tilt(lower: np.ndarray) -> float:
+    """Find the tilt of the soles of the lower feet in [deg], the median."""
     upward = rotate(lower[:, 3:], np.array([0.0, 0.0, 1.0]))[:, 2]
     return float(np.degrees(np.arccos(np.clip(np.median(upward), -1.0, 1.0))))
+
+
+def lower_feet(
+    motion: Motion, robot: Description, columns: Sequence[int]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Place the lower one of ``SOLES`` in up to ``N_SAMPLES`` samples.
+
+    Args:
+        motion: With a base.
+        robot: The robot.
+        columns: Another order of the elements of the base's poses.
+
+    Returns:
+        Poses of the foot for the base as it is, and for that of the columns, each of
+        shape (n, 7).
+    """
+    samples = np.unique(np.linspace(0, len(motion.times) - 1, N_SAMPLES).astype(int))
+    positions = of_robot(motion.joint_names, motion.positions[samples], robot)
+    rows = [robot.link_names.index(robot.profile.links[role]) for role in SOLES]
+    still = np.tile(IDENTITY, (len(samples), 1))
+    T_base_feet = Kinematics(robot).link_poses(still, positions)[:, rows]
+    assert motion.base_poses is not None
+    base = motion.base_poses[samples, np.newaxis]
+
+    def lower(T_map_base: np.ndarray) -> np.ndarray:
+        feet = compose(T_map_base, T_base_feet)
+        lowest = np.argmin(feet[..., 2], axis=1)
+        return np.asarray(feet[np.arange(len(samples)), lowest])
+
+    return lower(base), lower(base[..., list(columns)])
 
 
 def of_robot(
@@ -290,6 +367,16 @@ def of_robot(
         if joint.name in column:
             found[:, number] = positions[:, column[joint.name]]
     return found
+
+
+def with_endings(motion: Motion, robot: Description) -> Motion:
+    """Add ``_joint`` to the names of joints if that makes all of them the robot's."""
+    own = {joint.name for joint in robot.movable_joints}
+    names = {name: f"{name}_joint" for name in motion.joint_names}
+    if not names or {*names} & own or not {*names.values()} <= own:
+        return motion
+    note = "Joint names lack the ending _joint, which is added."
+    return replace(motion.renamed(names), notes=(*motion.notes, note))
 
 
 def check_radians(motion: Motion, robot: Description) -> None:

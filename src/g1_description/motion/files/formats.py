@@ -40,10 +40,17 @@ from g1_description.motion.files import (
     table,
     trajectory_yaml,
 )
-from g1_description.motion.files.conventions import check_radians
+from g1_description.motion.files.conventions import (
+    ISAAC_LAB,
+    breadth_first,
+    check_radians,
+    with_endings,
+)
 from g1_description.motion.files.hints import hints
 from g1_description.motion.files.source import MAX_FILE_SIZE, MotionSource
+from g1_description.motion.files.writing import mean_rate
 from g1_description.motion.motion import Motion, fitted
+from g1_description.motion.paths import rate_in, with_rate
 from g1_description.robot.description import Description
 from g1_description.text import listed
 
@@ -77,11 +84,17 @@ FORMATS: Mapping[str, ModuleType] = {
 """Formats by name. The first one that recognises a file reads it; a table is any other
 text."""
 
+W_FIRST = (
+    *(beyond_mimic, hdmi, isaac_amp, keyframes, policy, pyroki, qpos, sonic),
+    sonic_deploy,
+)
+W_LAST = (holomotion,)
+"""Formats on whose order of quaternions all publishers agree."""
+
 ORDER_OPEN = (
     *(table, npy_table, gmr, motion_library, phuma, amp_dataset, protomotions),
 )
-"""Formats of which publishers disagree on the order of quaternions, so that they read
-``order``."""
+"""Formats of which publishers disagree on it, so that the feet decide."""
 
 ENDINGS = tuple(
     sorted({ending for module in FORMATS.values() for ending in module.ENDINGS})
@@ -101,20 +114,40 @@ class Writer:
     the file's bytes, or those of a folder's files by name, and messages on differences
     from the motion."""
 
+    assumed: float | None = None
+    """Rate in [Hz] that readers assume; None: it is in the file."""
+
+    fixed: float | None = None
+    """Rate in [Hz] of all files; None: that of the motion."""
+
+    merged: Callable[[Mapping[str, bytes]], bytes] | None = None
+    """Makes a file of several motions of their files by name; None: it has only one."""
+
+    def rate(self, motion: Motion, rate: float | None) -> float:
+        """Return the rate of the samples that are written, in [Hz]."""
+        return self.fixed or mean_rate(motion, rate)
+
+    def place(self, path: Path, motion: Motion) -> Path:
+        """Return a path whose name has no other rate than its motion."""
+        is_open = self.assumed is not None
+        return with_rate(path, self.rate(motion, None)) if is_open else path
+
 
 WRITERS: Mapping[str, Writer] = {
     "csv": Writer(".csv", table.write),
     "npz": Writer(".npz", beyond_mimic.write),
-    "lafan1": Writer(".csv", table.write_lafan1),
-    "kimodo": Writer(".csv", table.write_kimodo),
-    "bones_seed": Writer(".csv", bones_seed.write),
-    "sonic": Writer("", sonic.write),
+    "lafan1": Writer(".csv", table.write_lafan1, table.DEFAULT_RATE),
+    "kimodo": Writer(".csv", table.write_kimodo, table.DEFAULT_RATE),
+    "bones_seed": Writer(".csv", bones_seed.write, bones_seed.USUAL_RATE),
+    "sonic": Writer("", sonic.write, sonic.RATE, sonic.RATE),
     "mjlab": Writer(".npz", beyond_mimic.write_mjlab),
     "whole_body_tracking": Writer(".npz", beyond_mimic.write_whole_body_tracking),
     "qpos": Writer(".npz", qpos.write),
     "holomotion": Writer(".npz", holomotion.write),
     "gmr": Writer(".pkl", gmr.write),
-    "motion_library": Writer(".pkl", motion_library.write),
+    "motion_library": Writer(
+        ".pkl", motion_library.write, merged=motion_library.merged
+    ),
 }
 """Formats that can be written, by name. The first one of an extension is its usual
 one."""
@@ -134,6 +167,7 @@ def read_motion(
     topic: str | None = None,
     order: str | None = None,
     name: str | None = None,
+    joint_order: str | None = None,
 ) -> Motion:
     """Read a motion of a robot from a file; its format is detected by content.
 
@@ -142,14 +176,17 @@ def read_motion(
         robot: The robot; joints that it does not have are ignored, with a note.
         rate: Samples per second of a file without times.
         topic: Topic of the joints in a bag; None: the usual one.
-        order: Of base quaternions that the format does not tell, xyzw or wxyz; None:
-            by the feet.
+        order: Of base quaternions in the file, xyzw or wxyz; None: that of the format,
+            or by the feet.
         name: Of the format, one of ``FORMATS``; None: found by content.
+        joint_order: Of joints without names, mujoco or isaaclab; None: that of the
+            format.
 
     Raises:
         MotionError: If the file cannot be read, or its motion does not fit the robot.
     """
-    return read_source(MotionSource(path, rate, topic, order), robot, name)
+    source = MotionSource(path, rate, topic, order, joint_order)
+    return read_source(source, robot, name)
 
 
 def read_source(
@@ -163,14 +200,17 @@ def read_source(
         name: Of the format.
         fits: Whether joints that the robot does not have are left out.
     """
+    file = source.path.name if source.is_folder else source.path.stem
     try:
         module = _format(source, name)
         if source.name is not None and not _names(module, source):
             raise MotionError("The file has no motions with names.")
         motion = module.read(source, robot)
-        if source.order is not None and module not in ORDER_OPEN:
-            ignored = "The format has one order of quaternions: --order is ignored."
-            motion = replace(motion, notes=(*motion.notes, ignored))
+        motion = replace(motion, name=source.name or file)
+        motion = with_endings(motion, robot)
+        motion = replace(
+            motion, notes=(*motion.notes, *_ignored(source, module, motion, robot))
+        )
         if source.rate is not None and motion.has_times:
             ignored = f"the rate of {source.rate:g} Hz is ignored"
             notes = (*motion.notes, f"The file has its own times: {ignored}.")
@@ -178,11 +218,30 @@ def read_source(
         motion = fitted(motion, robot) if fits else motion
         if module is not bag:  # ROS uses radians
             check_radians(motion, robot)
-            motion = replace(motion, notes=(*motion.notes, *hints(motion, robot)))
+            order = "wxyz" if module in W_FIRST else "xyzw"
+            is_open = source.order is None
+            is_fixed = is_open and module in (*W_FIRST, *W_LAST)
+            found = hints(motion, robot, order if is_fixed else None, is_open)
+            motion = replace(motion, notes=(*motion.notes, *found))
     except MotionError as error:
-        file = source.path.name + (f"#{source.name}" if source.name else "")
-        raise type(error)(f"{file}: {error}") from error
+        whole = source.path.name + (f"#{source.name}" if source.name else "")
+        raise type(error)(f"{whole}: {error}") from error
     return motion
+
+
+def _ignored(
+    source: MotionSource, module: ModuleType, motion: Motion, robot: Description
+) -> Sequence[str]:
+    """Tell which options the file leaves no choice for."""
+    found = []
+    if source.order is not None and module not in (*W_FIRST, *W_LAST, *ORDER_OPEN):
+        found.append("The file has no quaternions in an order: --order is ignored.")
+    names = motion.joint_names
+    if source.joint_order == ISAAC_LAB and names != breadth_first(robot, names):
+        found.append(
+            "The file tells the order of its joints: --input-joint-order is ignored."
+        )
+    return found
 
 
 def motion_names(path: Path) -> Sequence[str]:
@@ -317,18 +376,38 @@ def contents(
     writers: Mapping[str, Writer] = WRITERS,
 ) -> tuple[dict[Path, bytes], tuple[str, ...]]:
     """Make what ``write_motion`` writes: bytes by file, and its messages."""
-    content, notes = writer_of(path, name, writers).write(motion, robot, rate)
+    writer = writer_of(path, name, writers)
+    content, notes = writer.write(motion, robot, rate)
+    if writer.assumed is not None:
+        own, named = writer.rate(motion, rate), rate_in(path)
+        assumed = named or writer.assumed
+        if abs(own - assumed) > 1e-6:
+            why = ", as in its name," if named else ""
+            notes = (
+                *notes,
+                f"The file does not have its rate: read it with --fps {own:g}, as "
+                f"{assumed:g} Hz{why} are assumed.",
+            )
     if isinstance(content, bytes):
         files = {path: content}
     else:
         files = {path / file: part for file, part in content.items()}
     for file, part in files.items():
-        if len(part) > MAX_FILE_SIZE:
-            raise MotionError(
-                f"{file.name} would have {len(part) / 1e6:.0f} MB; the limit is "
-                f"{MAX_FILE_SIZE / 1e6:.0f} MB."
-            )
+        check_size(file, part)
     return files, tuple(notes)
+
+
+def check_size(file: Path, content: bytes) -> None:
+    """Check that a file can be read again.
+
+    Raises:
+        MotionError: If it is too large.
+    """
+    if len(content) > MAX_FILE_SIZE:
+        raise MotionError(
+            f"{file.name} would have {len(content) / 1e6:.0f} MB; the limit is "
+            f"{MAX_FILE_SIZE / 1e6:.0f} MB."
+        )
 
 
 def writer_of(

@@ -5,6 +5,7 @@ TWIST, TWIST2, GMT and G1 Moves use the same. Traps:
 - Quaternions are x y z w, which is checked: flat feet may tell otherwise.
 - Joints have no names, except in ``joint_names`` of a few tools. GMT's 23 are ASAP's.
 - ``fps`` may be a scalar of numpy such as 29.878, and may be missing: GMR has 30 Hz.
+- Some pickles have several such motions, in a dictionary or a list.
 - Readers need ``local_body_pos`` and ``link_body_list``, too: GMR takes None, TWIST
   needs places of bodies relative to a root at the origin without turn.
 """
@@ -17,16 +18,17 @@ from dataclasses import replace
 import numpy as np
 
 from g1_description.errors import MotionError
+from g1_description.motion.files.arrays import Arrays
 from g1_description.motion.files.conventions import names_of_columns, of_robot, w_last
 from g1_description.motion.files.pickles import pickled
-from g1_description.motion.files.source import Arrays, MotionSource
+from g1_description.motion.files.source import MotionSource
 from g1_description.motion.files.writing import BATCH, number, prepared
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.rotation import IDENTITY, rotate
 
-ENDINGS = (".pkl", ".pickle", ".npz")
+ENDINGS = (".pkl", ".pickle", ".p", ".npz")
 
 ARRAYS = ("root_pos", "root_rot", "dof_pos")
 """Places and quaternions of the base, and positions of the joints."""
@@ -50,17 +52,25 @@ WITHOUT_VELOCITIES = (
 
 
 def recognise(source: MotionSource) -> bool:
-    """Return whether a file has these arrays."""
-    return {*ARRAYS} <= {*source.arrays}
+    """Return whether a file has these arrays, or motions that have them."""
+    return {*ARRAYS} <= {*source.arrays} or bool(names(source))
+
+
+def names(source: MotionSource) -> Sequence[str]:
+    """List the names of the motions, their numbers if they are a list."""
+    return source.arrays.holding(*ARRAYS)
 
 
 def read(source: MotionSource, robot: Description) -> Motion:
-    """Read a motion.
+    """Read the motion that is chosen, or the only one.
 
     Raises:
-        MotionError: If an array has a wrong shape or content.
+        MotionError: If none is chosen, or an array has a wrong shape or content.
     """
-    return read_arrays(source, source.arrays, robot, ARRAYS)
+    arrays = source.arrays
+    if not {*ARRAYS} <= {*arrays}:
+        arrays = arrays.inside(source.chosen(names(source)))
+    return read_arrays(source, arrays, robot, ARRAYS)
 
 
 def read_arrays(
@@ -86,7 +96,7 @@ def read_arrays(
     named = [arrays.names(key) for key in NAMES if key in arrays]
     notes: tuple[str, ...] = ()
     if not named:
-        names, notes = names_of_columns(positions, robot)
+        names, notes = names_of_columns(source, positions, robot)
     elif len(named[0]) == n_joints:
         names = named[0]
     else:

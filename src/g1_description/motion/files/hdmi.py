@@ -58,5 +58,5 @@ def read(source: MotionSource, robot: Description) -> Motion:
         notes += (
             f"Bodies that {robot.name} does not have are ignored: {listed(objects)}.",
         )
-    base = base_of(places[:, root], turns[:, root])
+    base = base_of(places[:, root], turns[:, root], source.order)
     return Motion(times, joints, positions, velocities, base, notes)

@@ -9,6 +9,16 @@ from typing import Dict, Tuple
 
 import numpy as np
 
+from g1_description.motion.files.conventions import (
+    MAX_TILT,
+    SAME_TILT,
+    W_FIRST_COLUMNS,
+    breadth_first,
+    has_soles,
+    lower_feet,
+    tilt,
+    tilt_on_floor,
+)
 from g1_description.motion.mirror import other_side
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
@@ -33,6 +43,23 @@ DOWN = -0.5
 LYING, HIGH = 0.5, 0.5
 """Upward part of that axis, and height in [m], of a base that lies in the air."""
 
+AWAY = 0.15
+"""Heights in [m] of the lower ankle, in all samples, of a robot that is never near the
+floor. Their lowest is 0.03 to 0.05 m in three clips of G1 Moves, and 0.16 m and more
+where the numbers of an H1-2 are read as those of a G1."""
+
+OTHER_UNITS = 10.0
+"""Heights in [m] that may be in other units."""
+
+TITLES = {"isaaclab": "Isaac Lab", "mujoco": "MuJoCo, that of the robot's file"}
+
+OTHERS = {
+    "wxyz": ("x y z w", [0, 1, 2, 6, 3, 4, 5]),
+    "xyzw": ("w x y z", W_FIRST_COLUMNS),
+}
+"""The other order by the order of quaternions that were read, and the columns of poses
+that have it."""
+
 Columns = Dict[str, np.ndarray]
 """Positions by joint, in [rad], each of shape (n_samples,)."""
 
@@ -40,12 +67,17 @@ Limits = Dict[str, Tuple[float, float]]
 """Lower and upper limit by joint, in [rad]."""
 
 
-def hints(motion: Motion, robot: Description) -> tuple[str, ...]:
+def hints(
+    motion: Motion, robot: Description, order: str | None = None, may_lie: bool = False
+) -> tuple[str, ...]:
     """Tell what looks wrong, and why.
 
     Args:
         motion: Of joints of the robot, in radians.
         robot: The robot.
+        order: That of the file's quaternions as they were read, xyzw or wxyz, if its
+            format fixes it; None: it has none, or the user tells it.
+        may_lie: Whether a hint is given if the robot does not stand.
     """
     limits = {
         joint.name: (joint.lower, joint.upper)
@@ -57,9 +89,32 @@ def hints(motion: Motion, robot: Description) -> tuple[str, ...]:
         for number, name in enumerate(motion.joint_names)
         if name in limits
     }
+    other = _joint_order(columns, limits, robot)
+    if other:  # all else follows from it
+        return (other,)
     of_joints = (_degrees, _knees, _sides)
     found = [tell(columns, limits) for tell in of_joints]
-    return tuple(text for text in (*found, _base(motion)) if text)
+    if motion.base_poses is not None:
+        found.append(_base(motion, motion.base_poses, robot, order, may_lie))
+    return tuple(text for text in found if text)
+
+
+def _joint_order(columns: Columns, limits: Limits, robot: Description) -> str:
+    """Tell of joints that keep their limits only in another order."""
+    beyond = _excess(columns, limits)
+    if beyond <= BEYOND:
+        return ""
+    own = tuple(joint.name for joint in robot.movable_joints if joint.name in columns)
+    orders = {"isaaclab": breadth_first(robot, columns), "mujoco": own}
+    for name, order in orders.items():
+        moved = dict(zip(order, columns.values()))
+        if order != (*columns,) and _excess(moved, limits) < WITHIN:
+            return (
+                f"Joints are up to {beyond:.2g} rad beyond their limits, and within "
+                f"them in the order of {TITLES[name]}: --input-joint-order {name} "
+                "reads them so, unless the file names them."
+            )
+    return ""
 
 
 def _degrees(columns: Columns, limits: Limits) -> str:
@@ -119,22 +174,59 @@ def _excess(columns: Columns, limits: Limits) -> float:
     )
 
 
-def _base(motion: Motion) -> str:
-    """Tell of a base that points down, or lies in the air."""
-    poses = motion.base_poses
-    if poses is None:
-        return ""
-    upward = float(np.median(rotate(poses[:, 3:], np.array([0.0, 0.0, 1.0]))[:, 2]))
+def _base(
+    motion: Motion,
+    base: np.ndarray,
+    robot: Description,
+    order: str | None,
+    may_lie: bool,
+) -> str:
+    """Tell of a base and feet that are not as those of a robot that stands."""
+    lower = None
+    is_told = any("--order" in note for note in motion.notes)
+    if has_soles(robot):
+        title, columns = OTHERS[order or "xyzw"]
+        lower, other = lower_feet(motion, robot, columns)
+        tilted = tilt_on_floor(other)
+        is_flatter = tilted <= MAX_TILT and tilted + SAME_TILT < tilt_on_floor(lower)
+        if is_flatter and order is not None and not is_told:
+            return (
+                f"The feet are flat only if the base's quaternions are {title}, not as "
+                f"in other files of this format: --order {title.replace(' ', '')} "
+                "reads them so."
+            )
+    upward = float(np.median(rotate(base[:, 3:], np.array([0.0, 0.0, 1.0]))[:, 2]))
     if upward < DOWN:
         return (
             "The base points down in most samples: the order of the quaternion, or the "
             "direction of its turn, may be another than was read."
         )
-    height = float(np.median(poses[:, 2]))
-    if abs(upward) < LYING and height > HIGH:
+    height = float(np.median(base[:, 2]))
+    if abs(upward) < LYING and OTHER_UNITS > height > HIGH:
         return (
             f"The base lies at a height of {height:.2g} m in most samples: the order "
             "of the quaternion, or the axis that points up, may be another than was "
             "read."
         )
-    return ""
+    if lower is None or not base[:, :3].any():
+        return ""
+    return _feet(lower, may_lie and not is_told)
+
+
+def _feet(lower: np.ndarray, may_lie: bool) -> str:
+    """Tell of feet that are seldom flat, or never near the floor."""
+    if may_lie and tilt(lower) > MAX_TILT:
+        return (
+            "The robot does not stand in most samples: it lies, or the order of the "
+            "quaternion or of the joints, or the axis that points up, is another than "
+            "was read."
+        )
+    lowest, highest = float(lower[:, 2].min()), float(lower[:, 2].max())
+    if lowest < AWAY and highest > -AWAY:
+        return ""
+    side, away = ("above", lowest) if lowest > 0.0 else ("below", -highest)
+    units = " in cm or mm," if away > OTHER_UNITS else ""
+    return (
+        f"The feet are always at least {away:.3g} m {side} the floor, z = 0: the "
+        f"motion may be{units} of another robot, or of another ground."
+    )

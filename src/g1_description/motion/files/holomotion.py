@@ -16,11 +16,13 @@ import json
 import numpy as np
 
 from g1_description.errors import MotionError
+from g1_description.motion.files.arrays import Arrays
 from g1_description.motion.files.conventions import (
+    base_of,
     names_of_columns,
     read_velocities,
 )
-from g1_description.motion.files.source import Arrays, MotionSource, parsed
+from g1_description.motion.files.source import MotionSource, parsed
 from g1_description.motion.files.writing import bodies, npz, prepared, velocities_of
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
@@ -68,8 +70,8 @@ def read(source: MotionSource, robot: Description) -> Motion:
     velocities = read_velocities(arrays, name, positions)
     metadata = parsed(str(arrays[METADATA]), METADATA)
     times, of_times = metadata.times(len(positions), "motion_fps")
-    joints, notes = names_of_columns(positions, robot)
-    base = np.concatenate([places, turns], axis=1)
+    joints, notes = names_of_columns(source, positions, robot)
+    base = base_of(places, turns, source.order or "xyzw")
     return Motion(times, joints, positions, velocities, base, (*notes, *of_times))
 
 
@@ -98,8 +100,8 @@ def write(
     n_samples, n_joints = found.positions.shape
     metadata = {
         "format_version": VERSION,
-        "motion_key": "motion",
-        "raw_motion_key": "motion",
+        "motion_key": motion.name or "motion",
+        "raw_motion_key": motion.name or "motion",
         "motion_fps": fps,
         "num_frames": n_samples,
         "wallclock_len": (n_samples - 1) / fps,

@@ -40,5 +40,5 @@ def read(source: MotionSource, robot: Description) -> Motion:
     root = root_of(links, robot)
     velocities = read_velocities(arrays, "dof_velocities", positions)
     times, notes = arrays.times(len(positions))
-    base = base_of(places[:, root], turns[:, root])
+    base = base_of(places[:, root], turns[:, root], source.order)
     return Motion(times, joints, positions, velocities, base, notes)

@@ -17,7 +17,7 @@ from lxml import etree
 
 from g1_description.errors import DescriptionError, MotionError, NoMotionError
 from g1_description.files.xml import check_size, local_name, parse_xml
-from g1_description.motion.files.conventions import names_of_columns
+from g1_description.motion.files.conventions import base_of, names_of_columns
 from g1_description.motion.files.source import MotionSource
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
@@ -70,10 +70,10 @@ def read(source: MotionSource, robot: Description) -> Motion:
     """
     keys = _keys(source)
     if keys.are_timed:
-        return _motion(keys.rows, keys.times - keys.times[0], keys.model, robot)
+        return _motion(source, keys.rows, keys.times - keys.times[0], keys.model, robot)
     times = np.arange(float(len(keys.rows)))
     if source.rate is not None:
-        motion = _motion(keys.rows, times, keys.model, robot)
+        motion = _motion(source, keys.rows, times, keys.model, robot)
         return source.timed(motion, source.rate, "")
     if source.name is None and len(keys.rows) > 1:
         raise MotionError(
@@ -82,7 +82,7 @@ def read(source: MotionSource, robot: Description) -> Motion:
             f"{listed(keys.names)}."
         )
     row = keys.rows[keys.names.index(source.chosen(keys.names))]
-    return _motion([row], times[:1], keys.model, robot)
+    return _motion(source, [row], times[:1], keys.model, robot)
 
 
 def _keys(source: MotionSource) -> _Keys:
@@ -102,7 +102,11 @@ def _keys(source: MotionSource) -> _Keys:
 
 
 def _motion(
-    rows: list[str], times: np.ndarray, model: etree._Element, robot: Description
+    source: MotionSource,
+    rows: list[str],
+    times: np.ndarray,
+    model: etree._Element,
+    robot: Description,
 ) -> Motion:
     """Make a motion of keys."""
     qpos = _numbers(rows, len(rows[0].split()), "qpos")
@@ -117,12 +121,12 @@ def _motion(
         joints, positions = tuple(columns), qpos[:, list(columns.values())]
     else:
         base, positions = 0, qpos[:, SIZES["free"] :]
-        joints, notes = names_of_columns(positions, robot)
+        joints, notes = names_of_columns(source, positions, robot)
     motion = Motion(times, joints, positions, notes=notes)
     if base is None:
         return motion
-    order = base + np.array([0, 1, 2, 4, 5, 6, 3])
-    return replace(motion, base_poses=qpos[:, order])
+    place, turn = qpos[:, base : base + 3], qpos[:, base + 3 : base + SIZES["free"]]
+    return replace(motion, base_poses=base_of(place, turn, source.order))
 
 
 def _columns(

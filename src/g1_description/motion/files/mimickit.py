@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 
 from g1_description.errors import MotionError
+from g1_description.motion.files.arrays import MAX_SIZE, Arrays
 from g1_description.motion.files.conventions import names_of_columns
-from g1_description.motion.files.source import MAX_SIZE, Arrays, MotionSource
+from g1_description.motion.files.source import MotionSource
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.robot.rotation import from_rotation_vector
@@ -38,7 +39,7 @@ def read(source: MotionSource, robot: Description) -> Motion:
     frames = table(source.arrays["frames"], "frames")
     if frames.shape[1] < N_BASE:
         raise MotionError(f"A frame must have at least {N_BASE} numbers.")
-    names, notes = names_of_columns(frames[:, N_BASE:], robot)
+    names, notes = names_of_columns(source, frames[:, N_BASE:], robot)
     times, of_times = source.arrays.times(len(frames))
     base = np.concatenate([frames[:, :3], from_rotation_vector(frames[:, 3:6])], axis=1)
     positions = frames[:, N_BASE:]

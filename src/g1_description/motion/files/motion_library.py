@@ -13,20 +13,21 @@ A dictionary of motions by name; each has ``root_trans_offset``, ``root_rot``, `
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from g1_description.motion.files.arrays import Arrays
 from g1_description.motion.files.conventions import ASAP_JOINTS, layouts
 from g1_description.motion.files.gmr import NAMES, WITHOUT_VELOCITIES, read_arrays
-from g1_description.motion.files.pickles import pickled
-from g1_description.motion.files.source import Arrays, MotionSource
+from g1_description.motion.files.pickles import pickled, read_pickle
+from g1_description.motion.files.source import MotionSource
 from g1_description.motion.files.writing import number, prepared
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.robot.rotation import from_rotation_vector, to_rotation_vector
 
-ENDINGS = (".pkl", ".pickle")
+ENDINGS = (".pkl", ".pickle", ".joblib")
 
 ARRAYS = ("root_trans_offset", "root_rot", "dof")
 
@@ -40,7 +41,7 @@ N_SMPL = 24
 """Joints of SMPL, whose places readers ask for and do not use."""
 
 NAME = "motion"
-"""Of a motion that is written."""
+"""Of a motion that is written and has none."""
 
 
 def recognise(source: MotionSource) -> bool:
@@ -132,4 +133,13 @@ def write(
         "smpl_joints": np.zeros((n_samples, N_SMPL, 3)),
     }
     content = {name: array.astype(np.float32) for name, array in entry.items()}
-    return pickled({NAME: {**content, "fps": number(fps)}}), notes
+    name = motion.name or NAME
+    return pickled({name: {**content, "fps": number(fps)}}), notes
+
+
+def merged(parts: Mapping[str, bytes]) -> bytes:
+    """Make a library of several motions of libraries of one, by their new names."""
+    entries = {
+        name: next(iter(read_pickle(part).values())) for name, part in parts.items()
+    }
+    return pickled(entries)

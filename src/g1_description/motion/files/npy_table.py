@@ -10,7 +10,8 @@ import numpy as np
 
 from g1_description.errors import MotionError
 from g1_description.motion.files import table
-from g1_description.motion.files.source import NPY, MotionSource
+from g1_description.motion.files.arrays import NPY
+from g1_description.motion.files.source import MotionSource
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 

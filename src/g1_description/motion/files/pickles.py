@@ -235,18 +235,18 @@ class Unpickler(pickle._Unpickler):  # type: ignore[name-defined, misc]
         """Read bytes; Python's own allocates their length before it looks."""
         (size,) = struct.unpack("<Q", self.read(8))
         if size > self.size:
-            raise MotionError(f"it has an array of {size} bytes")
+            raise EOFError
         self.append(self.read(size))
 
     def following(self, size: int) -> bytes:
         """Read bytes that follow an opcode.
 
         Raises:
-            MotionError: If there are fewer.
+            EOFError: If there are fewer.
         """
         content = self._stream.read(size)
         if len(content) < size:
-            raise MotionError("it ends within an array")
+            raise EOFError
         return content
 
     def _from_buffer(
@@ -270,10 +270,25 @@ class Unpickler(pickle._Unpickler):  # type: ignore[name-defined, misc]
         return np.frombuffer(content, kind.dtype, 1)[0]
 
 
+def read_pickled(data: bytes, reader: Callable[[bytes], Unpickler] = Unpickler) -> Any:
+    """Read a pickle; arguments and errors are those of ``read_pickle``."""
+    try:
+        return _plain(reader(data).load(), {})
+    # Any error of numpy or Python on a damaged file.
+    except Exception as error:
+        is_cut = isinstance(error, (EOFError, struct.error))
+        words = ("truncated", "exhausted")  # of Python's unpickler
+        if is_cut or any(word in str(error) for word in words):
+            raise MotionError("The pickle ends too early.") from error
+        raise MotionError(f"The pickle cannot be read: {cause(error)}.") from error
+
+
 def read_pickle(
     data: bytes, reader: Callable[[bytes], Unpickler] = Unpickler
 ) -> dict[str, Any]:
     """Read a pickle of a dictionary; items whose names are not text are left out.
+
+    A list of dictionaries is read as a dictionary of these by their numbers.
 
     Args:
         data: The pickle; more may follow.
@@ -282,13 +297,9 @@ def read_pickle(
     Raises:
         MotionError: If it is damaged or has other content.
     """
-    try:
-        found = _plain(reader(data).load(), {})
-    except EOFError as error:
-        raise MotionError("The pickle ends too early.") from error
-    # Any error of numpy or Python on a damaged file.
-    except Exception as error:
-        raise MotionError(f"The pickle cannot be read: {cause(error)}.") from error
+    found = read_pickled(data, reader)
+    if isinstance(found, list) and found and all(type(d) is dict for d in found):
+        found = {str(number): item for number, item in enumerate(found)}
     if not isinstance(found, dict):
         raise MotionError(
             f"The pickle must contain a dict (got {type(found).__name__})."

@@ -21,12 +21,13 @@ from typing import Any, Union
 import numpy as np
 
 from g1_description.errors import MotionError
+from g1_description.motion.files.arrays import Arrays
 from g1_description.motion.files.conventions import (
     base_of,
     read_velocities,
     root_of,
 )
-from g1_description.motion.files.source import Arrays, MotionSource
+from g1_description.motion.files.source import MotionSource
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.text import listed
@@ -88,7 +89,7 @@ def read(source: MotionSource, robot: Description) -> Motion:
     places = arrays.numbers(PLACES, *shape, 3)[:, root]
     turns = arrays.numbers(TURNS, *shape, 4)[:, root]
     velocities = read_velocities(arrays, VELOCITIES, positions)
-    base = base_of(places, turns)
+    base = base_of(places, turns, source.order)
     motion = Motion(np.arange(len(positions)), joints, positions, velocities, base)
     return source.timed(motion, RATE, "the rate of such policies")
 

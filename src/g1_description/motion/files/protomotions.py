@@ -17,12 +17,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from g1_description.errors import MotionError
+from g1_description.motion.files.arrays import Arrays
 from g1_description.motion.files.conventions import (
     names_of_columns,
     read_velocities,
     w_last,
 )
-from g1_description.motion.files.source import Arrays, MotionSource
+from g1_description.motion.files.source import MotionSource
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 
@@ -75,7 +76,7 @@ def read(source: MotionSource, robot: Description) -> Motion:
     if not places.shape[1]:
         raise MotionError(f"{keys[1]} must have at least one body, the root.")
     base = np.concatenate([places[:, 0], turns[:, 0]], axis=1)
-    joints, notes = names_of_columns(positions, robot)
+    joints, notes = names_of_columns(source, positions, robot)
     if "control_dt" in arrays:
         arrays = Arrays({**arrays, "fps": _rate(arrays.numbers("control_dt"))})
     times, of_times = arrays.times(n_samples)

@@ -36,8 +36,8 @@ def read(source: MotionSource, robot: Description) -> Motion:
     positions = arrays.numbers("joint_angles", None, None)
     places = arrays.numbers("base_frame_pos", len(positions), 3)
     turns = arrays.numbers("base_frame_wxyz", len(positions), 4)
-    joints, notes = names_of_columns(positions, robot)
-    base = base_of(places, turns)
+    joints, notes = names_of_columns(source, positions, robot)
+    base = base_of(places, turns, source.order)
     if "fps" in arrays:
         times, of_times = arrays.times(len(positions))
         notes += of_times

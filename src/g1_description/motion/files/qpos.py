@@ -21,13 +21,14 @@ from pathlib import Path
 import numpy as np
 
 from g1_description.errors import MotionError
+from g1_description.motion.files.arrays import Arrays
 from g1_description.motion.files.conventions import (
     base_of,
     known,
     layouts,
     names_of_columns,
 )
-from g1_description.motion.files.source import Arrays, MotionSource, parsed
+from g1_description.motion.files.source import MotionSource, parsed
 from g1_description.motion.files.writing import npz, number, prepared
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
@@ -101,8 +102,8 @@ def read(source: MotionSource, robot: Description) -> Motion:
         rows, speeds = rows[part], None if speeds is None else speeds[part]
     path = manifest_of(source)
     manifest = None if path is None else parsed(MotionSource(path).text, MANIFEST)
-    base, rest, notes = _split(rows)
-    joints, of_joints = _joints(arrays, manifest, rest, robot)
+    base, rest, notes = _split(rows, source.order)
+    joints, of_joints = _joints(source, manifest, rest, robot)
     n_joints = len(joints)
     n_objects = rest.shape[1] - n_joints
     if n_objects:
@@ -149,7 +150,9 @@ def manifest_of(source: MotionSource) -> Path | None:
     return next((path for path in paths if path.is_file()), None)
 
 
-def _split(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
+def _split(
+    rows: np.ndarray, order: str | None
+) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
     """Split rows into poses of the base and the rest, with a message on doubts."""
     if rows.shape[1] < FREE:
         raise MotionError(
@@ -161,9 +164,9 @@ def _split(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
     if is_turn_last:
         doubt = "qpos is read as place, then quaternion; both orders fit."
         notes = (doubt,) if is_turn_first else ()
-        return base_of(base[:, :3], base[:, 3:]), rest, notes
+        return base_of(base[:, :3], base[:, 3:], order), rest, notes
     if is_turn_first:
-        return base_of(base[:, 4:], base[:, :4]), rest, ()
+        return base_of(base[:, 4:], base[:, :4], order), rest, ()
     raise MotionError(
         "Neither columns 1 to 4 nor columns 4 to 7 are a quaternion of length 1: the "
         "base has no place and quaternion w x y z."
@@ -177,9 +180,13 @@ def _is_turn(columns: np.ndarray) -> bool:
 
 
 def _joints(
-    arrays: Arrays, manifest: Arrays | None, rest: np.ndarray, robot: Description
+    source: MotionSource,
+    manifest: Arrays | None,
+    rest: np.ndarray,
+    robot: Description,
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Name the joints, the first columns of what follows the base."""
+    arrays = source.arrays
     width = rest.shape[1]
     if JOINT_NAMES in arrays:
         named = arrays.names(JOINT_NAMES)
@@ -189,7 +196,7 @@ def _joints(
         named = manifest.names("qpos_names")[FREE:]
     else:
         n_joints = _count(rest, robot)
-        return names_of_columns(rest[:, :n_joints], robot)
+        return names_of_columns(source, rest[:, :n_joints], robot)
     if len(named) > width:
         raise MotionError(f"There are {len(named)} names of joints for {width}.")
     return named, ()

@@ -18,7 +18,12 @@ import numpy as np
 
 from g1_description.errors import MotionError
 from g1_description.motion.files import table
-from g1_description.motion.files.conventions import ISAAC_JOINTS, base_of, known
+from g1_description.motion.files.conventions import (
+    ISAAC_JOINTS,
+    base_of,
+    isaac_joints,
+    known,
+)
 from g1_description.motion.files.source import MotionSource
 from g1_description.motion.files.writing import bodies, prepared, velocities_of
 from g1_description.motion.motion import Motion
@@ -68,8 +73,8 @@ def read(source: MotionSource, robot: Description) -> Motion:
     for name, values in tables.items():
         width = {JOINTS: N_JOINTS, SPEEDS: N_JOINTS}.get(name)
         _check(name, values, n_samples, width)
-    base, notes = _base(tables)
-    joints = ISAAC_JOINTS if JOINTS in tables else ()
+    base, notes = _base(tables, source.order)
+    joints = isaac_joints(source) if JOINTS in tables else ()
     positions = tables.get(JOINTS, np.empty((n_samples, 0)))
     velocities = tables.get(SPEEDS) if joints else None
     if velocities is not None:
@@ -100,7 +105,7 @@ def _check(name: str, values: np.ndarray, n_samples: int, width: int | None) -> 
 
 
 def _base(
-    tables: dict[str, np.ndarray],
+    tables: dict[str, np.ndarray], order: str | None
 ) -> tuple[np.ndarray | None, tuple[str, ...]]:
     """Return poses of the base, if there are, and a message on what is unknown."""
     if TURNS not in tables:
@@ -112,7 +117,7 @@ def _base(
             f"Bodies have 4 columns each in {TURNS} and 3 in {PLACES} (got "
             f"{turns.shape[1]} and {places.shape[1]})."
         )
-    base = base_of(places[:, :3], turns[:, :4])
+    base = base_of(places[:, :3], turns[:, :4], order)
     if places.any():
         return base, ()
     why = f"{PLACES} has only zeros" if PLACES in tables else f"{PLACES} is missing"

@@ -17,6 +17,7 @@ from g1_description.errors import MotionError
 from g1_description.motion.files.conventions import (
     ISAAC_JOINTS,
     base_of,
+    isaac_joints,
     read_velocities,
 )
 from g1_description.motion.files.sonic import RATE
@@ -57,11 +58,11 @@ def read(source: MotionSource, robot: Description) -> Motion:
     if 0.0 not in bodies or not places.shape[1]:
         raise MotionError("The bodies have no root: none has the index 0.")
     root = bodies.index(0.0)
-    base = base_of(places[:, root], turns[:, root])
+    base = base_of(places[:, root], turns[:, root], source.order)
     notes: tuple[str, ...] = ()
     if not places[:, root].any():
         zeros = "body_pos_w has only zeros for the root"
         notes = (f"{zeros}: the place of the base is unknown, and shown as 0.",)
     times = np.arange(n_samples)
-    motion = Motion(times, ISAAC_JOINTS, positions, velocities, base, notes)
+    motion = Motion(times, isaac_joints(source), positions, velocities, base, notes)
     return source.timed(motion, RATE, "the rate of SONIC's files")

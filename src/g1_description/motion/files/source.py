@@ -6,10 +6,9 @@ import bz2
 import io
 import json
 import lzma
-import re
 import stat
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache, partial
 from pathlib import Path
@@ -19,20 +18,20 @@ from typing import Any, Callable, Mapping
 import numpy as np
 
 from g1_description.errors import MotionError, cause
+from g1_description.motion.files.arrays import (
+    Arrays,
+    NpzArrays,
+    damaged,
+    npy_arrays,
+)
 from g1_description.motion.files.pickles import PICKLE, read_pickle
 from g1_description.motion.files.torch_files import is_torch, read_torch
 from g1_description.motion.motion import Motion
-from g1_description.motion.paths import split
+from g1_description.motion.paths import rate_in, split
 from g1_description.text import MAX_NAME, listed
 
 MAX_FILE_SIZE = 200_000_000
 """Largest file in bytes: two hours at 60 Hz as text, or a library of three."""
-
-MAX_SIZE = 12_000_000
-"""Largest array: half an hour of 30 bodies at 60 Hz."""
-
-MAX_BYTES = 250_000_000
-"""Largest array of an npz in bytes, decompressed."""
 
 MAX_CONTENT = 200_000_000
 """Most bytes of a compressed file, decompressed."""
@@ -46,15 +45,9 @@ MAX_DICTIONARY = 200_000_000
 MAX_MEMBERS = 10_000
 """Most files in an npz or a file of torch."""
 
-MAX_HEADER = 10_000
-"""Longest header of an array in bytes; numpy parses it as Python."""
-
 ZIP = b"PK\x03\x04"
 ZIP_MEMBER = b"PK\x01\x02"
 NPY_MAGIC = b"\x93NUMPY"
-
-NPY = "npy"
-"""Name of the array of an npy."""
 
 COMPRESSED: Mapping[bytes, Callable[[], Any]] = {
     **dict.fromkeys((b"x\x01", b"x^", b"x\x9c", b"x\xda"), zlib.decompressobj),
@@ -67,151 +60,10 @@ COMPRESSED: Mapping[bytes, Callable[[], Any]] = {
 }
 """Decompressors by first bytes: of zlib, gzip, bz2, xz and lzma."""
 
-RATE_IN_NAME = re.compile(
-    r"_(?=\d{1,6}_?hz|\d{1,3}_jpos)0*([1-9]\d*)(?:_?hz|_jpos)(?![a-z0-9])",
-    re.IGNORECASE,
-)
-"""A rate in the name of a file, such as ``walk.bvh_60hz.csv``."""
-
 GIT_LFS = "version https://git-lfs."
 
 NOT_TEXT = {".npz": "npz file", ".pkl": "pickle", ".pickle": "pickle", ".bag": "rosbag"}
 """Extensions of binary formats: text in such files is never a table."""
-
-
-class Arrays(Mapping[str, Any]):
-    """Arrays and other values of a file, by name.
-
-    Raises:
-        MotionError: By each method if a value is missing, or is not as required.
-    """
-
-    def __init__(self, values: Mapping[str, Any]) -> None:
-        self._values = values
-        self._holding: dict[tuple[str, ...], tuple[str, ...]] = {}
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._values)
-
-    def __len__(self) -> int:
-        return len(self._values)
-
-    def __contains__(self, name: object) -> bool:
-        return name in self._values
-
-    def __getitem__(self, name: str) -> Any:
-        if name not in self._values:
-            raise MotionError(f"The array {name} is missing.")
-        return self._values[name]
-
-    def numbers(self, name: str, *shape: int | None) -> np.ndarray:
-        """Read an array of finite numbers.
-
-        Args:
-            name: Of the array.
-            shape: Required shape; None fits any number. Without sizes, any shape fits.
-        """
-        value = self[name]
-        fits = isinstance(value, (np.ndarray, np.generic, int, float))
-        array = np.asarray(value if fits else None)
-        if array.dtype.kind not in "fiu":
-            raise MotionError(f"{name} must contain numbers.")
-        if array.size > MAX_SIZE:
-            raise MotionError(
-                f"{name} has {array.size} numbers; the limit is {MAX_SIZE}."
-            )
-        array = array.astype(float, copy=False)
-        if not np.isfinite(array).all():
-            raise MotionError(f"{name} must be finite, but has NaN or infinity.")
-        if shape and not (
-            array.ndim == len(shape)
-            and all(size in (None, n) for size, n in zip(shape, array.shape))
-        ):
-            words = ", ".join("n" if size is None else str(size) for size in shape)
-            raise MotionError(
-                f"{name} must have the shape ({words}) (got {array.shape})."
-            )
-        return array
-
-    def names(self, name: str) -> tuple[str, ...]:
-        """Read a list of names."""
-        names = self[name]
-        if isinstance(names, np.ndarray) and names.dtype.kind == "U":
-            names = _texts(names)
-        if not isinstance(names, (list, tuple)) or not all(
-            isinstance(item, str) for item in names
-        ):
-            raise MotionError(f"{name} must be a list of names.")
-        return tuple(names)
-
-    def holding(self, *keys: str) -> tuple[str, ...]:
-        """List the names of dictionaries that have these keys."""
-        if not isinstance(self._values, dict):
-            return ()  # an npz, whose arrays stay unread
-        if keys not in self._holding:  # each motion of a library asks for it
-            self._holding[keys] = tuple(
-                name
-                for name, value in self._values.items()
-                if isinstance(value, dict) and {*keys} <= {*value}
-            )
-        return self._holding[keys]
-
-    def inside(self, name: str) -> Arrays:
-        """Return the arrays of a dictionary that has this name.
-
-        Raises:
-            MotionError: If it is none.
-        """
-        found = self[name]
-        if not isinstance(found, dict):
-            raise MotionError(f"{name} must be a dictionary of arrays.")
-        return Arrays(found)
-
-    def times(
-        self, n_samples: int, name: str = "fps"
-    ) -> tuple[np.ndarray, tuple[str, ...]]:
-        """Compute times from a rate.
-
-        Args:
-            n_samples: Number of samples.
-            name: Of the rate.
-
-        Returns:
-            Times in [s], shape (n_samples,), and a message if the rate is doubtful.
-        """
-        rate = self.numbers(name).ravel()
-        if rate.size != 1 or not 0.0 < rate[0] < 1e6:
-            raise MotionError(
-                f"{name} must be one number greater than 0 (got {rate[:3].tolist()})."
-            )
-        fps, notes = rate[0], []
-        if fps < 1.0 and n_samples > 1:
-            notes.append(
-                f"{name} is {fps:.6g}, i.e. one sample every {1.0 / fps:.6g} s. If "
-                f"{fps:.6g} is the sample period in seconds, set {name} to "
-                f"{1.0 / fps:.6g}."
-            )
-        return np.arange(n_samples) / fps, tuple(notes)
-
-
-class _Npz(Arrays):
-    """Arrays of an npz, read when they are asked for."""
-
-    def __getitem__(self, name: str) -> Any:
-        try:
-            size = self._values.zip.getinfo(f"{name}.npy").file_size  # type: ignore[attr-defined]
-            if size <= MAX_BYTES:
-                with self._values.zip.open(f"{name}.npy") as file:  # type: ignore[attr-defined]
-                    _check_header(file.read(12))
-                return self._values[name]
-        except MotionError:
-            raise
-        # Any error of zipfile or numpy on a damaged file.
-        except Exception as error:
-            raise _damaged(error) from error
-        raise MotionError(
-            f"{name} has {size / 1e6:.0f} MB; the limit is {MAX_BYTES / 1e6:.0f} MB."
-        )
 
 
 class MotionSource:
@@ -227,6 +79,7 @@ class MotionSource:
         rate: float | None = None,
         topic: str | None = None,
         order: str | None = None,
+        joint_order: str | None = None,
     ) -> None:
         self.path, self.name = split(path)
         """The file or folder, and which of its motions; None: it must have one."""
@@ -236,7 +89,9 @@ class MotionSource:
         self.topic = topic
         """Topic of the joints in a bag; None: the usual one."""
         self.order = order
-        """Of base quaternions where the format does not tell: xyzw or wxyz."""
+        """Of the base's quaternions: xyzw or wxyz; None: that of the format."""
+        self.joint_order = joint_order
+        """Of joints without names: mujoco or isaaclab; None: that of the format."""
         self.format: ModuleType | None = None
         """Its format, once it is found."""
         self.is_folder = self.path.is_dir()
@@ -276,7 +131,7 @@ class MotionSource:
                 try:
                     return _decompressed(self.data, decompressor())
                 except (OSError, EOFError, zlib.error, lzma.LZMAError) as error:
-                    raise _damaged(error) from error
+                    raise damaged(error) from error
         return self.data
 
     @cached_property
@@ -312,19 +167,19 @@ class MotionSource:
             return Arrays(read_pickle(content))
         try:
             if content.startswith(NPY_MAGIC):
-                return _npy(content)
+                return npy_arrays(content)
             is_zip = content.startswith(ZIP)
             if is_zip and content.count(ZIP_MEMBER) > MAX_MEMBERS:
                 raise MotionError(f"The zip has more than {MAX_MEMBERS} files.")
             if is_zip and is_torch(content):
                 return Arrays(read_torch(content))
             if is_zip and b".npy" in content:
-                return _Npz(np.load(io.BytesIO(content), allow_pickle=False))
+                return NpzArrays(np.load(io.BytesIO(content), allow_pickle=False))
         except MotionError:
             raise
         # Any error of zipfile or numpy on a damaged file.
         except Exception as error:
-            raise _damaged(error) from error
+            raise damaged(error) from error
         return Arrays({})
 
     def chosen(self, names: Sequence[str]) -> str:
@@ -349,6 +204,11 @@ class MotionSource:
             f"'{self.path.name}#{names[0][:MAX_NAME]}' (check and motion: --all)."
         )
 
+    @property
+    def told_rate(self) -> float | None:
+        """The rate that the user or the name of the file tells, in [Hz]; None: none."""
+        return self.rate or rate_in(self.path)
+
     def timed(self, motion: Motion, usual: float, why: str) -> Motion:
         """Give times to the samples of a file without a rate.
 
@@ -360,8 +220,8 @@ class MotionSource:
         """
         rate, notes = self.rate, motion.notes
         if rate is None:
-            named = RATE_IN_NAME.search(self.path.stem)
-            rate, why = (float(named[1]), "as its name says") if named else (usual, why)
+            named = rate_in(self.path)
+            rate, why = (named, "as its name says") if named else (usual, why)
             notes = (f"The file has no times; assuming {rate:g} Hz, {why}.", *notes)
         times = np.arange(len(motion.times)) / rate
         return replace(motion, times=times, notes=notes, has_times=False)
@@ -397,14 +257,6 @@ def parsed(text: str | None, what: str) -> Arrays:
     return Arrays(found)
 
 
-def _texts(array: np.ndarray) -> Any:
-    """Return an array of text as a list; None if it is none."""
-    try:
-        return array.tolist() if array.ndim == 1 else None
-    except ValueError:  # not all numbers are characters
-        return None
-
-
 def _decompressed(data: bytes, decompressor: Any) -> bytes:
     """Decompress all data, up to a limit."""
     content: bytes = decompressor.decompress(data, MAX_CONTENT)
@@ -416,27 +268,3 @@ def _decompressed(data: bytes, decompressor: Any) -> bytes:
             "limit."
         )
     return content
-
-
-def _npy(content: bytes) -> Arrays:
-    """Read an npy: an array, or a pickled dictionary."""
-    _check_header(content[:12])
-    stream = io.BytesIO(content)
-    version = np.lib.format.read_magic(stream)
-    header = np.lib.format.read_array_header_1_0
-    if version != (1, 0):
-        header = np.lib.format.read_array_header_2_0
-    if header(stream)[2].hasobject:
-        return Arrays(read_pickle(content[stream.tell() :]))
-    return Arrays({NPY: np.load(io.BytesIO(content), allow_pickle=False)})
-
-
-def _check_header(begin: bytes) -> None:
-    """Check the length of an array's header, given the first bytes of the array."""
-    last = 10 if begin[6:7] == b"\x01" else 12
-    if int.from_bytes(begin[8:last], "little") > MAX_HEADER:
-        raise MotionError(f"The header of an array has more than {MAX_HEADER} bytes.")
-
-
-def _damaged(error: Exception) -> MotionError:
-    return MotionError(f"The file cannot be read: {cause(error)}.")

@@ -4,8 +4,8 @@ Without a header a row is a sample: x y z and quaternion x y z w of the base, th
 joints, as in the LAFAN1 retargeting set of the G1. Tables of Kimodo have w first, which
 is detected. With a header, which may be a comment, the columns are named:
 
-- ``time``;
-- ``base_x`` to ``base_qw``, or none of them;
+- ``time``, unless the user or the name of the file tells the rate;
+- ``base_x`` to ``base_qw``, also as ``root_x`` and ``x``, or none of them;
 - each joint by its name;
 - ``NAME.velocity`` for each joint, or for none.
 
@@ -25,7 +25,7 @@ import numpy as np
 from g1_description.errors import MotionError, NoMotionError
 from g1_description.motion.files.conventions import names_of_columns, w_last
 from g1_description.motion.files.source import MotionSource
-from g1_description.motion.files.writing import prepared, untold
+from g1_description.motion.files.writing import prepared
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.text import listed
@@ -33,6 +33,9 @@ from g1_description.text import listed
 TIME = "time"
 BASE = tuple(f"base_{part}" for part in ("x", "y", "z", "qx", "qy", "qz", "qw"))
 """Columns of the base: position in [m] and quaternion."""
+
+OTHER_PREFIXES = ("root_", "")
+"""What others put before the parts of these names."""
 
 VELOCITY = ".velocity"
 """Suffix of the columns of joint velocities."""
@@ -81,12 +84,17 @@ def read(source: MotionSource, robot: Description) -> Motion:
     else:
         raise MotionError("The file is empty.")
     names = [name.strip() for name in _fields(number, line, None)]
+    rows = _rows(text, number)
+    if not names[0]:  # the index of pandas
+        names, rows = names[1:], ((n, line.partition(",")[2]) for n, line in rows)
+        if names == [*map(str, range(len(names)))]:
+            return _headless(source, rows, (number, len(names)), robot)
     if not _is_number(names[0]):
-        return _headed(_rows(text, number), number, names, robot)
+        return _headed(source, rows, number, names, robot)
     # numpy.savetxt writes its header as a comment.
     header = [name.strip() for name in comment.split(",")]
     if TIME in header and len(header) == len(names):
-        return _headed(_rows(text), above, header, robot)
+        return _headed(source, _rows(text), above, header, robot)
     return _headless(source, _rows(text), (number, len(names)), robot)
 
 
@@ -124,7 +132,7 @@ def unnamed(
             cannot be told.
     """
     base, positions = values[:, : len(BASE)], values[:, len(BASE) :]
-    joints, notes = names_of_columns(positions, robot)
+    joints, notes = names_of_columns(source, positions, robot)
     times = np.arange(len(values), dtype=float)
     motion = Motion(times, joints, positions, base_poses=base, notes=notes)
     motion = w_last(motion, robot, source.order)
@@ -164,9 +172,18 @@ def check_once(number: int, names: list[str]) -> None:
 
 
 def _headed(
-    rows: Iterator[tuple[int, str]], number: int, names: list[str], robot: Description
+    source: MotionSource,
+    rows: Iterator[tuple[int, str]],
+    number: int,
+    names: list[str],
+    robot: Description,
 ) -> Motion:
     """Read a table with a header, whose line has this number."""
+    shown = names
+    for prefix in OTHER_PREFIXES:
+        others = [name.replace("base_", prefix) for name in BASE]
+        if {*others} <= {*names}:
+            names = [dict(zip(others, BASE)).get(name, name) for name in names]
     check_once(number, names)
     base = [name for name in BASE if name in names]
     joints = [
@@ -176,13 +193,19 @@ def _headed(
     ]
     velocities = [joint + VELOCITY for joint in joints]
     has_velocities = any(name.endswith(VELOCITY) for name in names)
-    needed = [TIME, *(BASE if base else ()), *(velocities if has_velocities else ())]
+    own = {joint.name for joint in robot.movable_joints}
+    is_untimed = TIME not in names and bool(own & {*joints})
+    has_rate = is_untimed and source.told_rate is not None
+    timing = () if has_rate else (TIME,)
+    needed = [*timing, *(BASE if base else ()), *(velocities if has_velocities else ())]
     missing = [name for name in needed if name not in names]
     if missing:
         hint = "; columns must be separated by commas" if len(names) == 1 else ""
+        if missing == [TIME] and is_untimed:
+            hint = "; or give the rate, --fps"
         is_motion = _may_be_motion(names, next(rows, (0, "0"))[1], robot)
         raise (MotionError if is_motion else NoMotionError)(
-            f"Line {number} has the columns {listed(names)}, but lacks "
+            f"Line {number} has the columns {listed(shown)}, but lacks "
             f"{listed(missing)}{hint}."
         )
     strange = [n for n in names if n not in (*needed, *joints)]
@@ -195,13 +218,16 @@ def _headed(
     def of(needed: Sequence[str]) -> np.ndarray:
         return values[:, [names.index(name) for name in needed]]
 
-    return Motion(
-        values[:, names.index(TIME)],
+    is_told = bool(base) and source.order is not None
+    motion = Motion(
+        np.arange(len(values)) if has_rate else values[:, names.index(TIME)],
         tuple(joints),
         of(joints),
         of(velocities) if has_velocities else None,
         of(BASE) if base else None,
+        ("The header names the quaternion: --order is ignored.",) if is_told else (),
     )
+    return source.timed(motion, DEFAULT_RATE, "") if has_rate else motion
 
 
 def _may_be_motion(names: list[str], row: str, robot: Description) -> bool:
@@ -278,10 +304,9 @@ def _without_names(
     motion: Motion, robot: Description, rate: float | None
 ) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
     """Return base poses and joints at even times, and messages."""
-    found, fps, notes = prepared(motion, robot, rate, tells=False)
-    told = untold(fps, DEFAULT_RATE)
+    found, _, notes = prepared(motion, robot, rate, tells=False)
     assert found.base_poses is not None
-    return found.base_poses, found.positions, (*notes, *told)
+    return found.base_poses, found.positions, notes
 
 
 def most_samples(joints: Sequence[str], has_base: bool, size: int) -> int:
@@ -377,6 +402,10 @@ def _numbers(rows: Iterator[tuple[int, str]], width: int) -> np.ndarray:
 def _wrong(number: int, fields: Sequence[str]) -> MotionError:
     """Describe the field of a line that is not a number."""
     wrong = next(field for field in fields if not _is_number(field))
+    if not fields[-1].strip() and wrong is fields[-1]:
+        return MotionError(
+            f"Line {number} ends in a comma; columns must be separated by commas."
+        )
     return MotionError(
         f"Line {number}: expected a number (got {wrong.strip()[:40]!r})."
     )

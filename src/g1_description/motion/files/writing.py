@@ -19,6 +19,9 @@ from g1_description.text import listed
 EVEN = 1e-6
 """Tolerance of evenly spaced times, in [s]."""
 
+ONLY = "Only the motion's"
+"""How a message begins that a file has fewer joints than the robot."""
+
 BATCH = 1000
 """Samples per chunk when bodies are computed."""
 
@@ -33,16 +36,6 @@ def npz(arrays: Mapping[str, Any]) -> bytes:
 def number(rate: float) -> int | float:
     """Return a rate as an integer, where it is one: readers expect it."""
     return int(rate) if rate == int(rate) else rate
-
-
-def untold(rate: float, usual: float) -> tuple[str, ...]:
-    """Tell that a file has no rate, unless it is the usual one of its format."""
-    if abs(rate - usual) < 1e-6:
-        return ()
-    return (
-        f"The file does not have its rate: read it with --fps {rate:g}, as "
-        f"{usual:g} Hz are assumed.",
-    )
 
 
 def prepared(
@@ -120,9 +113,7 @@ def whole(
             f"Joints that the format does not have are not written: {listed(left_out)}."
         )
     if len(names) < len(own) and not notes:
-        notes.append(
-            f"Only the motion's {len(names)} joints are written, not all {len(own)}."
-        )
+        notes.append(f"{ONLY} {len(names)} joints are written, not all {len(own)}.")
     return found, tuple(notes)
 
 
@@ -153,19 +144,25 @@ def even(
         MotionError: If it would have too many samples, or the rate is not positive.
     """
     times = trajectory.times - trajectory.times[0]
-    mean = (len(times) - 1) / times[-1] if len(times) > 1 else 30.0
-    fps = rate or (round(mean) if abs(mean - round(mean)) < 1e-3 else mean)
+    fps = mean_rate(trajectory, rate)
     try:
         found = trajectory.resampled(fps)
     except InvalidValueError as error:
         raise MotionError(str(error)) from error
     n_samples, regular = len(found.times), found.times - found.times[0]
     if n_samples == len(times) and np.abs(times - regular).max() <= EVEN:
-        return trajectory, float(fps), ()
+        return trajectory, fps, ()
     is_even = len(times) < 2 or np.ptp(np.diff(times)) <= EVEN
     why = "Resampled" if is_even else "The times are not evenly spaced: resampled"
     note = f"{why} to {n_samples} samples at {fps:g} Hz."
-    return found, float(fps), (note,)
+    return found, fps, (note,)
+
+
+def mean_rate(motion: Motion, rate: float | None) -> float:
+    """Return the samples per second of a motion on average, or as given."""
+    count, duration = len(motion.times) - 1, motion.times[-1] - motion.times[0]
+    mean = count / duration if count else 30.0
+    return float(rate or (round(mean) if abs(mean - round(mean)) < 1e-3 else mean))
 
 
 def bodies(trajectory: Motion, robot: Description) -> tuple[np.ndarray, np.ndarray]:
