@@ -8,10 +8,11 @@
 
 _g1_description_config=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 
-# Print the names of all poses: keys at the beginning of a line.
+# Print the names of all poses of all robots: keys at the beginning of a line.
 _g1_description_poses() {
-    sed -n 's/^\([A-Za-z][A-Za-z0-9_-]*\):.*/\1/p' "$_g1_description_config/poses.yaml" \
-        "${ROS_HOME:-$HOME/.ros}/g1_description/poses.yaml" 2>/dev/null
+    local own=${ROS_HOME:-$HOME/.ros}/g1_description
+    sed -n 's/^\([A-Za-z][A-Za-z0-9_-]*\):.*/\1/p' "$_g1_description_config"/robots/*/poses.yaml \
+        "$own"/robots/*/poses.yaml "$own/poses.yaml" 2>/dev/null
 }
 
 # Options by command, those without a value, those whose value is a file, the commands of

@@ -495,7 +495,7 @@ BAD = {
     "text": (lambda: pickle.dumps({**gmr(), "fps": "x"}), "fps must contain numbers"),
     "list": (lambda: pickle.dumps([1, 2]), "must contain a dict .got list"),
     "memo": (b"\x80\x02Nr\xff\xff\xff\x7f.", "must contain a dict .got NoneType"),
-    "cut": (lambda: pickle.dumps(gmr())[:-30], "cannot be read"),
+    "cut": (lambda: pickle.dumps(gmr())[:-30], "ends too early"),
     "yaml": ("joint_names: [a\npoints: {", "Line 2 is not valid YAML: "),
     "no points": ("joint_names: [left_elbow_joint]\npoints: []\n", "has no points"),
     "point": (ECHO.replace("[1.0, 0.25]", "[1.0]"), "Point 2 must have 2 positions"),

@@ -33,7 +33,8 @@ _ISAAC = (  # as a policy of whole_body_tracking lists them
 )
 ISAAC = [f"{name}_joint" for name in _ISAAC]
 
-ORDERS = {"lafan1": "xyzw", "kimodo": "wxyz"}
+ORDERS = {"kimodo": "wxyz", **dict.fromkeys(("lafan1", "gmr"), "xyzw")}
+ORDERS["motion_library"] = "xyzw"
 """What the user must tell, as the robot may lie."""
 
 WITH_VELOCITIES = ("csv", "npz", "mjlab", "whole_body_tracking", "sonic", "holomotion")

@@ -245,7 +245,9 @@ def run(args: Reading) -> int:
                         printer.add(task.number, out.add(task, outcome, tasks))
         except KeyboardInterrupt:
             is_interrupted = True
-    if not is_interrupted and out.parts:
+    if out.parts and is_interrupted:
+        out.counts[DONE] = 0
+    elif out.parts:
         out.write_merged(places[tasks[0].name])
     done = "read" if isinstance(args, Info) else "written"
     _summarize(out, done, files, len(left), len(robot.movable_joints))

@@ -19,8 +19,10 @@ from g1_description.text import listed
 def is_merged(args: Edit, tasks: Sequence[Task]) -> bool:
     """Return whether all motions are written to one file."""
     is_whole = len(tasks) == 1 and tasks[0].path in args.files
-    can = args.to is not None and WRITERS[args.to].merged is not None
-    return can and not is_whole and bool(args.out.suffix) and not args.out.is_dir()
+    writer = None if args.to is None else WRITERS[args.to]
+    if writer is None or writer.merged is None or is_whole or args.out.is_dir():
+        return False
+    return args.out.suffix.lower() == writer.ending
 
 
 def places_of(args: Edit, tasks: Sequence[Task]) -> dict[str, Path]:
@@ -34,15 +36,12 @@ def places_of(args: Edit, tasks: Sequence[Task]) -> dict[str, Path]:
         MotionError: If the format is unknown.
     """
     out = args.out
-    if is_merged(args, tasks):
-        writer_of(out, None, WRITERS)  # says which endings there are
-        return {task.name: out for task in tasks}
     endings = {writer.ending for writer in WRITERS.values()} - {""}
     is_named = out.suffix.lower() in endings
     is_single = len(tasks) == 1 and tasks[0].path in args.files
     is_folder = args.to is not None and not WRITERS[args.to].ending
     if not out.is_dir() and (is_named or (is_folder and is_single)):
-        if len(tasks) > 1:
+        if len(tasks) > 1 and not is_merged(args, tasks):
             raise InvalidValueError(
                 f"--out must be a folder for {len(tasks)} motions (got {out})."
             )
@@ -51,7 +50,7 @@ def places_of(args: Edit, tasks: Sequence[Task]) -> dict[str, Path]:
                 f"{args.to} files end in {WRITERS[args.to].ending or 'nothing'} (got "
                 f"{out})."
             )
-        return {tasks[0].name: out}
+        return {task.name: out for task in tasks}
     if args.to is None and not out.is_dir() and out.suffix:
         writer_of(out, None, WRITERS)  # says which endings there are
     if args.to is None:

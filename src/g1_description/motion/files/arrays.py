@@ -214,6 +214,6 @@ def _array(stream: IO[bytes]) -> Any:
 
 def damaged(error: Exception) -> MotionError:
     """Describe an error of a library on a damaged file."""
-    if "not a zip file" in str(error) or "EOF" in str(error):
+    if "not a zip file" in str(error) or "EOF: reading array" in str(error):
         return MotionError("The file ends too early.")
     return MotionError(f"The file cannot be read: {cause(error)}.")

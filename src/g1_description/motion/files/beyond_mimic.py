@@ -112,7 +112,7 @@ def read(source: MotionSource, robot: Description) -> Motion:
         names = named
     elif names is None:
         names, notes = names_of_columns(source, positions, robot)
-        notes = (*notes, UNKNOWN_ORDER)
+        notes = (*notes, *([] if source.joint_order else [UNKNOWN_ORDER]))
     elif names not in layouts(n_joints, robot):
         notes = ("Joint order: Isaac Lab.", *notes)
     notes = (*notes, *([lacking] if lacking else ()))

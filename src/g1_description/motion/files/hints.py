@@ -46,7 +46,7 @@ LYING, HIGH = 0.5, 0.5
 AWAY = 0.15
 """Heights in [m] of the lower ankle, in all samples, of a robot that is never near the
 floor. Their lowest is 0.03 to 0.05 m in three clips of G1 Moves, and 0.16 m and more
-where the numbers of an H1-2 are read as those of a G1."""
+where these have a base 1.3 times as high and the 27 joints in the order of an H1-2."""
 
 OTHER_UNITS = 10.0
 """Heights in [m] that may be in other units."""
@@ -111,8 +111,8 @@ def _joint_order(columns: Columns, limits: Limits, robot: Description) -> str:
         if order != (*columns,) and _excess(moved, limits) < WITHIN:
             return (
                 f"Joints are up to {beyond:.2g} rad beyond their limits, and within "
-                f"them in the order of {TITLES[name]}: --input-joint-order {name} "
-                "reads them so, unless the file names them."
+                f"them in the order of {TITLES[name]}: check and motion read them so "
+                f"with --input-joint-order {name}, unless the file names them."
             )
     return ""
 

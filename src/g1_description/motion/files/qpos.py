@@ -66,7 +66,7 @@ def recognise(source: MotionSource) -> bool:
     """Return whether a file has such an array."""
     names = {*source.arrays}
     if QPOS in names:
-        return True
+        return QPOS not in source.arrays.holding()  # a motion may be called so
     return {*TRACKED} <= names and (
         source.arrays.numbers(TRACKED[0]).shape[1:]
         >= (len(source.arrays.names(JOINT_NAMES)) + FREE,)
