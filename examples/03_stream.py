@@ -27,10 +27,10 @@ with Stream(rate=50) as stream:
     rospy.sleep(0.5)
     rospy.Subscriber("robot_state", RobotState, states.append)
     for time in np.arange(0.0, 4.0, 0.02):
-        stream.send(*squat(0.25 * (1.0 - np.cos(np.pi * time))))
+        stream.send(*squat(0.24 * (1.0 - np.cos(np.pi * time))))
 
 bases = [s.base_pose for s in states]
 bases = [[b.position.x, b.position.y, b.position.z, 0, 0, 0, 1] for b in bases]
 poses = robot.link_poses([s.position for s in states], bases)
-print(f"base went down by {np.ptp(bases, axis=0)[2]:.3f} m")
+print(f"base went down by {np.ptp(bases, axis=0)[2]:.2f} m")
 print(f"feet moved by {max(np.ptp(poses[foot], axis=0).max() for foot in FEET):.6f} m")

@@ -1,6 +1,5 @@
 """Record base and joints of the robot that runs, and write them as a motion."""
 
-import numpy as np
 import rospy
 from g1_description.msg import RobotState
 
@@ -28,6 +27,4 @@ robot.write_motion("/tmp/reach.csv", motion)
 # The same by the command: rosrun g1_description record reach.csv --seconds 5
 
 again = robot.read_motion("/tmp/reach.csv")
-errors = [np.abs(reach.positions - row).max(axis=1).min() for row in again.positions]
-print(f"{len(again.joint_names)} joints and base recorded")
-print(f"largest distance from a sample of the motion: {max(errors):.6f} rad")
+print(f"{len(again.joint_names)} joints, base: {again.base is not None}")

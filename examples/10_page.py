@@ -17,6 +17,6 @@ with TemporaryDirectory() as folder:
     print(run.stdout.splitlines()[-1])
     text = page.read_text()
     print(re.search("<title>(.*)</title>", text)[1])
-    print("plots:", text.count("data:image/png"))
+    print("plots:", text.count("over time"), "pictures:", text.count("<figure>"))
 
 # In the browser, with the robot: rosrun g1_description web --motion faulty.csv

@@ -22,7 +22,7 @@ MOTION = REPOSITORY / "test" / "data" / "elbow.csv"
         ({}, "No motion file; give motion:=FILE or bag:=FILE."),
         ({"motion": "/a", "bag": "/b"}, "motion:= and bag:= cannot be combined."),
         ({"motion": "a.csv"}, "absolute path (got 'a.csv'); try $PWD/a.csv."),
-        ({"bag": "~/a.bag"}, "absolute path (got '~/a.bag')."),
+        ({"bag": "a.bag"}, "absolute path (got 'a.bag'); try $PWD/a.bag."),
         ({"motion": "/a", "speed": 0.0}, "~speed must be from 0.001 to 1000.0"),
         ({"motion": "/a", "fps": -1.0}, "~fps must be from 0.0"),
         ({"motion": "/a", "publish_rate": 0.0}, "~publish_rate must be from 0.1"),

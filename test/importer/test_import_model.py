@@ -617,7 +617,7 @@ def test_one_wrong_file_of_a_folder_is_named_and_left_out(source, out):
         assert words in told
         assert words in (out / "report.md").read_text()
     (source / "a.urdf").unlink()
-    words = r"b\.urdf: .*<sdf>.*\(2 files, none of which is a robot\)"
+    words = r"b\.urdf: .*<sdf>.*\(2 files, but no robot\)"
     with pytest.raises(DescriptionError, match=words):
         run([str(source), "--out", str(out), "--force"])
 

@@ -17,8 +17,9 @@ from support.ros_testing import DEADLINE, program
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs" / "tutorials").glob("*.md"))]
 RUN = ("rosrun", "rostopic", "rosservice")
-FOREIGN = ("/path/to", "my_robot", "spawn_model", "moveit_commander")
-"""What needs files of a user, or programs that are not there."""
+FOREIGN = ("/path/to", "my_robot", "spawn_model", "doctor")
+"""What needs files of a user or programs that are not there; the doctor would find
+nodes of other tests."""
 
 ENDLESS = ("tf_echo", "--watch", "web", "record")
 FAULTY = ("motions/faulty.csv", "motions/")

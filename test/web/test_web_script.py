@@ -256,7 +256,7 @@ def test_the_page_of_check_is_sorted(chromium, tmp_path):
         FileResult(name, Verdict("r", figures={} if n is None else {"duration": n}))
         for name, n in lengths.items()
     ]
-    write_page(path, outcomes, [None] * len(outcomes), 0)
+    write_page(path, outcomes, [[]] * len(outcomes), 0)
     page = chromium.open(path.as_uri(), WINDOW)
 
     def sorted_by(head):
