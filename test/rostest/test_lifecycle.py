@@ -13,7 +13,7 @@ import numpy as np
 import rosnode
 import rospy
 from g1_description.srv import Step
-from gazebo_msgs.msg import ModelState
+from gazebo_msgs.msg import LinkStates, ModelState
 from gazebo_msgs.srv import GetJointProperties, GetModelState
 from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import JointState
@@ -230,8 +230,10 @@ class TestLifecycle(Moving):
         first = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
         self.addCleanup(first.kill)
         wait_for(lambda: process_of("/other/second") == first.pid, "the first")
-        # What it registered from now on would end the second one instead.
-        rospy.wait_for_service("/other/second/set_parameters", DEADLINE)
+        # What it registered from now on would end the second one instead. It publishes
+        # states when it has registered everything.
+        states = Listener("/other/second/link_states", LinkStates)
+        states.wait()
         second = subprocess.Popen(command, stderr=subprocess.DEVNULL)
         self.addCleanup(second.kill)
         _, said = first.communicate(timeout=DEADLINE)
