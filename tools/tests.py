@@ -53,7 +53,14 @@ AT_A_TIME = 4
 LIMIT = 75 * 60.0
 """[s] for all parts together."""
 FIRST = (
-    *("rostest/motion", "rostest/poses", "sim", "rostest/web", "rostest/doctor"),
+    *(
+        "rostest/motion",
+        "rostest/examples",
+        "rostest/poses",
+        "sim",
+        "rostest/web",
+        "rostest/doctor",
+    ),
     *("web", "install", "repository", "rostest/bridge_commands"),
 )
 """Parts that begin first, as the end would wait for them."""
