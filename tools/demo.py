@@ -288,7 +288,7 @@ def block_of(states, model, log):
     robot = ElementTree.fromstring(description).get("name")
     lines = [
         "",
-        f"  Robot    {robot}, from {model}",
+        f"  Robot    {robot}{f', from {model}' if model else ''}",
         f"  Joints   {len(states['names'])}, {states['rate']:.0f} times a second"
         " on /joint_states",
         f"  Log      {log}, INFO too",

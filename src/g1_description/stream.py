@@ -18,6 +18,9 @@ from g1_description.ros.waiting import NoAnswerError, wait_until
 TIMEOUT = 10.0
 """Longest wait for the robot and its clock, in [s]: they may be starting."""
 
+POLL = 0.001
+"""Time between two looks at the clock, in [s]."""
+
 QUEUE_SIZE = 10
 """Configurations that a slow connection may hold back; the bridge keeps as many."""
 
@@ -71,7 +74,8 @@ class Stream:
                 f"{timeout:g} s; is display.launch running?"
             )
         self._wait_for_time()
-        self._rate = rospy.Rate(rate, reset=True)
+        self._period = rospy.Duration.from_sec(1.0 / rate)
+        self._next = rospy.Time.now()
 
     def __enter__(self) -> Stream:
         """Return this stream, for a with statement."""
@@ -93,12 +97,12 @@ class Stream:
             The simulated time at which it was sent, in [s].
 
         Raises:
-            G1DescriptionError: If positions or base are invalid; nothing is sent then.
+            G1DescriptionError: If positions or base are invalid, or time stands still;
+                nothing is sent then.
             ROSInterruptException: If the node is shut down.
         """
         message = self.robot.to_message(positions, base)
-        self._rate.sleep()
-        now = rospy.Time.now()
+        now = self._wait_for_period()
         for part in (message.joint_trajectory, message.multi_dof_joint_trajectory):
             part.header.stamp = now
         self._publisher.publish(message)
@@ -106,9 +110,34 @@ class Stream:
 
     def close(self) -> None:
         """Let the last configuration last a period, and disconnect."""
-        if not rospy.is_shutdown():
-            self._rate.sleep()
-        self._publisher.unregister()
+        try:
+            if not rospy.is_shutdown():
+                self._wait_for_period()
+        finally:
+            self._publisher.unregister()
+
+    def _wait_for_period(self) -> rospy.Time:
+        """Wait for the next period, and return the time; begin again after a jump.
+
+        Raises:
+            NoAnswerError: If time stands still.
+        """
+        begin = rospy.Time.now()
+
+        def is_due() -> bool:
+            return not begin <= rospy.Time.now() < self._next
+
+        while not wait_until(is_due, self._timeout, None, POLL):
+            if rospy.Time.now() == begin:
+                raise NoAnswerError(
+                    f"Simulated time stands still at {begin.to_sec():g} s; is the "
+                    "simulator running and unpaused?"
+                )
+            begin = rospy.Time.now()
+        now = rospy.Time.now()
+        is_late = not self._next - self._period < now < self._next + self._period
+        self._next = (now if is_late else self._next) + self._period
+        return now
 
     def _wait_for_time(self) -> None:
         """Wait until time runs: before the first message on /clock it is 0.

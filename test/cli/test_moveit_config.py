@@ -141,7 +141,7 @@ def test_roslaunch_reads_the_launch_file(folder):
 def test_a_robot_without_a_profile_has_groups_of_its_own_links(tmp_path, capsys):
     (tmp_path / "rail.urdf").write_text(TREE)
     run(MoveItOptions(tmp_path / "out", str(tmp_path / "rail.urdf")))
-    assert "groups to_cart, to_finger_a, to_tip;" in capsys.readouterr().out
+    assert "groups to_cart, to_finger_a, to_tip, whole_body;" in capsys.readouterr().out
     root = etree.parse(str(tmp_path / "out" / "robot.srdf")).getroot()
     chain = root.find("group[@name='to_tip']/chain")
     assert dict(chain.attrib) == {"base_link": "cart", "tip_link": "tip"}

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from html import escape
 from pathlib import Path
 
-from g1_description.checks.causes import cause_text
+from g1_description.checks.causes import cause_text, worst_of
 from g1_description.checks.report import (
     HEAD,
     FileResult,
@@ -27,7 +27,8 @@ th, td { text-align: left; padding: .22em .9em .22em 0; border-bottom: 1px solid
   vertical-align: top; }
 th { color: #666; font-weight: 600; }
 td { font-variant-numeric: tabular-nums; }
-td + td:not(:last-child) { white-space: nowrap; }
+.files td + td:not(:last-child) { white-space: nowrap; }
+.files { display: block; overflow-x: auto; }
 .result { padding: .05em .5em; border-radius: .3em; white-space: nowrap; }
 .passed { background: #bfe5d8; } .warning { background: #f7e9a0; }
 .failed { background: #f0bf99; } .not { background: #ddd; }
@@ -126,7 +127,8 @@ def _overview(outcomes: Sequence[FileResult]) -> Iterator[str]:
             yield _row("td", [*cells, *unknown, escape(outcome.problem)])
             continue
         findings = outcome.verdict.findings
-        counts = counted(finding.severity for finding in findings)
+        causes = outcome.verdict.causes
+        counts = counted(worst_of(findings).severity for findings in causes)
         time = outcome.verdict.first_time
         first = "" if time is None else f"{time:.3f} s"
         names = dict.fromkeys(f.check for f in findings if f.severity == "failed")
@@ -170,7 +172,7 @@ def _image(file: Path, text: str) -> str:
 def _verdict(verdict: Verdict) -> Iterator[str]:
     """Write a verdict."""
     figures = ", ".join(
-        f"{name.replace('_', ' ')} {value:.4g}"
+        f"{name.replace('_', ' ')} {round(value, 6):.4g}"
         for name, value in verdict.figures.items()
     )
     yield f'<p class="about">{escape(verdict.robot)}: {escape(figures)}</p>\n'

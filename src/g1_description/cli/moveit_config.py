@@ -338,7 +338,7 @@ def run(args: MoveItOptions) -> None:
     for name, text in files.items():
         data = text if isinstance(text, bytes) else text.encode("utf-8")
         write_whole(args.out / name, data)
-    named = ", ".join(group.name for group in groups)
+    named = ", ".join([*(group.name for group in groups), WHOLE])
     say(f"{args.out}: groups {named}; roslaunch {args.out / LAUNCH}")
 
 

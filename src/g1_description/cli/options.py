@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import argparse
 import re
+import sys
 from pathlib import Path
 from typing import Any
 
-from g1_description.command_line import MAX_FPS, argument, option, positive, within
+from g1_description.command_line import MAX_FPS, argument, option, positive, say, within
 from g1_description.text import similar_first
 
 NAME = re.compile(r"[A-Za-z]\w*(/\w+)*", re.ASCII)
@@ -57,7 +58,10 @@ def motion_file(text: str) -> Path:
     from g1_description.motion.paths import motion_path
 
     try:
-        return motion_path(text)
+        path = motion_path(text)
+        if path.name == text and path.is_absolute():
+            say(f"{text} is not in this folder; using {path}.", sys.stderr)
+        return path
     except G1DescriptionError as error:
         raise argparse.ArgumentTypeError(str(error).rstrip(".")) from error
 
