@@ -85,6 +85,18 @@ class TestStream(unittest.TestCase):
         finally:
             rospy.ServiceProxy("/gazebo/unpause_physics", Empty)()
 
+    def test_a_simulator_that_stops_ends_the_stream(self):
+        pause = rospy.ServiceProxy("/gazebo/pause_physics", Empty)
+        with Stream(timeout=1.0) as stream:
+            stream.send({"left_elbow_joint": 0.0})
+            pause()
+            try:
+                with self.assertRaisesRegex(NoAnswerError, "stands still at .*running"):
+                    for _ in range(3):  # the next one may be due already
+                        stream.send({"left_elbow_joint": 0.1})
+            finally:
+                rospy.ServiceProxy("/gazebo/unpause_physics", Empty)()
+
     def test_a_robot_that_is_not_there_is_told(self):
         with self.assertRaisesRegex(NoAnswerError, "subscribes to /nobody/motion"):
             Stream(robot=ROBOT, namespace="nobody", timeout=0.5)
