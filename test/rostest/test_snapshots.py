@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 import rosgraph
 import rospy
+from g1_description.msg import RobotState
 from gazebo_msgs.msg import ModelState
 from gazebo_msgs.srv import SetModelState
 from geometry_msgs.msg import Point, Pose, Quaternion
@@ -62,15 +63,19 @@ def move(commands):
 
 @pytest.fixture
 def lift():
-    """Give what sets the robot to a height."""
+    """Give what sets the robot to a height, and returns when the bridge shows it."""
     set_state = service("/gazebo/set_model_state", SetModelState)
+    states = Connected("/robot_state", RobotState, queue_size=1)
 
     def go(height):
         pose = Pose(Point(0, 0, height), Quaternion(0, 0, 0, 1))
+        states.clear()
         assert set_state(ModelState(model_name="g1_robot", pose=pose)).success
+        states.wait(lambda m: abs(m.base_pose.position.z - height) < 1e-6, "the base")
 
     yield go
     go(0.793)
+    states.close()
 
 
 class HeardRobot(RobotView):
