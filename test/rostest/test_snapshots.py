@@ -65,13 +65,18 @@ def move(commands):
 def lift():
     """Give what sets the robot to a height, and returns when the bridge shows it."""
     set_state = service("/gazebo/set_model_state", SetModelState)
-    states = Connected("/robot_state", RobotState, queue_size=1)
+    # Not decoded, as the command in this node subscribes to it, too.
+    states = Connected("/robot_state", rospy.AnyMsg, queue_size=1)
+
+    def is_shown(message, height):
+        state = RobotState().deserialize(message._buff)
+        return abs(state.base_pose.position.z - height) < 1e-6
 
     def go(height):
         pose = Pose(Point(0, 0, height), Quaternion(0, 0, 0, 1))
         states.clear()
         assert set_state(ModelState(model_name="g1_robot", pose=pose)).success
-        states.wait(lambda m: abs(m.base_pose.position.z - height) < 1e-6, "the base")
+        states.wait(lambda message: is_shown(message, height), "the base")
 
     yield go
     go(0.793)
