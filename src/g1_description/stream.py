@@ -129,10 +129,7 @@ class Stream:
 
         while not wait_until(is_due, self._timeout, None, POLL):
             if rospy.Time.now() == begin:
-                raise NoAnswerError(
-                    f"Simulated time stands still at {begin.to_sec():g} s; is the "
-                    "simulator running and unpaused?"
-                )
+                raise _standing_still(begin)
             begin = rospy.Time.now()
         now = rospy.Time.now()
         is_late = not self._next - self._period < now < self._next + self._period
@@ -147,10 +144,15 @@ class Stream:
         """
         begin = rospy.Time.now()
         if not wait_until(lambda: rospy.Time.now() > begin, self._timeout):
-            why = "is it paused?" if begin else "does a simulator publish /clock?"
-            raise NoAnswerError(
-                f"Simulated time stands still at {begin.to_sec():g} s; {why}"
-            )
+            raise _standing_still(begin)
+
+
+def _standing_still(now: rospy.Time) -> NoAnswerError:
+    """Return the error of a clock that does not advance."""
+    why = "does a simulator publish /clock?"
+    if now:
+        why = "is the simulator running and unpaused?"
+    return NoAnswerError(f"Simulated time stands still at {now.to_sec():g} s; {why}")
 
 
 def _described(parameter: str, timeout: float) -> Robot:

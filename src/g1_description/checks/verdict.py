@@ -30,8 +30,8 @@ FIGURES = (
 """Names of the figures of a motion, in the order of reports."""
 
 NOTES, WORST = "notes", ".worst"
-"""What rules are over, too: the number of notes, and what follows the name of a check
-for the worst size of its findings."""
+"""Further names in rules: of the number of notes, and the ending of ``CHECK.worst``,
+the worst size of a check's findings."""
 
 COUNTS = ("failed", "warnings")
 """Names of the numbers of findings."""
@@ -151,7 +151,7 @@ class Verdict:
 
     @property
     def rule_figures(self) -> dict[str, float]:
-        """What rules are over: figures, counts, notes and ``CHECK.worst``."""
+        """The values that rules compare: figures, counts, notes and ``CHECK.worst``."""
         worst = sorted(self.findings, key=lambda finding: finding.badness)
         return {
             **self.figures,

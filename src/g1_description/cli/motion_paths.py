@@ -34,7 +34,7 @@ class MotionFiles:
 
     @property
     def remarks(self) -> str:
-        """What is said of the files that are not taken."""
+        """Counts of the files that are ignored or excluded, for the last line."""
         others = self.n_left_out
         more = f"; ignored {others} with other extensions" if others else ""
         if self.n_excluded:

@@ -24,7 +24,7 @@ from g1_description.errors import G1DescriptionError, InvalidValueError
 from g1_description.files.atomic import write_whole
 from g1_description.robot.assembly import limbs_of
 from g1_description.robot.description import Description, Joint
-from g1_description.robot.profile import DEFAULT, is_profile
+from g1_description.robot.profile import is_profile
 
 LIMBS = {
     "left_hand": "left_arm",
@@ -43,6 +43,13 @@ WHOLE = "whole_body"
 SRDF, CONTROLLERS, BRIDGE = "robot.srdf", "controllers.yaml", "bridge.yaml"
 JOINT_LIMITS, KINEMATICS = "joint_limits.yaml", "kinematics.yaml"
 PLANNING, LAUNCH = "ompl_planning.yaml", "moveit.launch"
+
+FOR_MOVEIT = (
+    "action_ns: follow_joint_trajectory",
+    "type: FollowJointTrajectory",
+    "default: true",
+)
+"""Settings of a controller that MoveItSimpleControllerManager needs."""
 
 ADAPTERS = (
     "AddTimeOptimalParameterization",
@@ -65,7 +72,7 @@ class MoveItOptions:
     """
 
     out: Path = argument("the folder to write", Path, metavar="OUT")
-    model: str | None = options.model()
+    model: str = options.model()
     force: bool = option("replace existing files", False)
 
 
@@ -94,7 +101,7 @@ def groups_of(robot: Robot) -> tuple[Group, ...]:
     """Make a planning group of each limb with joints.
 
     A limb with a link that has a role in the robot's profile is named by that role,
-    such as ``left_arm``; others by their last link. Joints beside the way to that link,
+    such as ``left_arm``; others by their last link. Joints off the path to that link,
     such as fingers, are in no group of a limb.
     """
     description = robot.description
@@ -187,26 +194,19 @@ def disabled_pairs(robot: Robot) -> Iterator[tuple[str, str, str]]:
             yield (*pair, reasons.get(frozenset(pair), ADJACENT).capitalize())
 
 
-def controllers(groups: Sequence[Group]) -> str:
-    """Write MoveIt's list of controllers."""
-    lines = ["controller_list:"]
+def controllers(key: str, groups: Sequence[Group], *settings: str) -> str:
+    """Write a list of controllers, one for each group.
+
+    Args:
+        key: Name of the list.
+        groups: The groups.
+        settings: Further lines of each controller.
+    """
+    lines = [f"{key}:"]
     for group in groups:
         lines += [
             f"- name: {json.dumps(f'{group.name}_controller')}",
-            "  action_ns: follow_joint_trajectory",
-            "  type: FollowJointTrajectory",
-            "  default: true",
-            f"  joints: {json.dumps(group.joints)}",
-        ]
-    return "\n".join([*lines, ""])
-
-
-def bridge(groups: Sequence[Group]) -> str:
-    """Write the same controllers for the bridge's parameter ``~controllers``."""
-    lines = ["controllers:"]
-    for group in groups:
-        lines += [
-            f"- name: {json.dumps(f'{group.name}_controller')}",
+            *(f"  {setting}" for setting in settings),
             f"  joints: {json.dumps(group.joints)}",
         ]
     return "\n".join([*lines, ""])
@@ -317,18 +317,18 @@ def run(args: MoveItOptions) -> None:
         G1DescriptionError: If the robot cannot be read or a file exists already;
             nothing is written then.
     """
-    robot = Robot(args.model or DEFAULT)
+    robot = Robot(args.model)
     groups = groups_of(robot)
     if not groups:
         raise InvalidValueError(f"{robot.name} has no movable joints to plan for.")
     files = {
         SRDF: srdf(robot, groups),
-        CONTROLLERS: controllers(groups),
-        BRIDGE: bridge(groups),
+        CONTROLLERS: controllers("controller_list", groups, *FOR_MOVEIT),
+        BRIDGE: controllers("controllers", groups),
         JOINT_LIMITS: joint_limits(robot.description),
         KINEMATICS: kinematics(groups),
         PLANNING: planning(groups),
-        LAUNCH: launch(args.model or DEFAULT),
+        LAUNCH: launch(args.model),
     }
     there = [name for name in files if (args.out / name).exists()]
     if there and not args.force:

@@ -164,7 +164,7 @@ class Description:
 
     @cached_property
     def profile(self) -> Profile:
-        """What is known of it beside its file; only links that it has.
+        """Its profile, with only those links that it has.
 
         Raises:
             ProfileError: If a profile cannot be read.

@@ -1,4 +1,4 @@
-"""Profiles: what is known of a robot beside its URDF, in a folder with robot.yaml.
+"""Profiles: settings of a robot in addition to its URDF, in a folder with robot.yaml.
 
 Profiles are found below ~/.ros/g1_description/robots and in the package's
 config/robots; a profile of the user's hides one of the package's of the same name.
@@ -33,7 +33,7 @@ KEYS = ("like", "names", "joints", "model", "standing_pose", "links", *PARTS)
 
 @dataclass(frozen=True)
 class Profile:
-    """What is known of a robot beside its URDF; by default nothing."""
+    """Settings of a robot in addition to its URDF; by default none."""
 
     name: str = ""
     """Name of its folder; empty: the robot has no profile."""
