@@ -1,7 +1,6 @@
 """An anchored link on the robot's topics: where scipy and TF see it."""
 
 import signal
-import subprocess
 import tempfile
 import unittest
 from pathlib import Path
@@ -21,7 +20,7 @@ from support.ros_testing import (
     DEADLINE,
     Connected,
     position_of,
-    program,
+    run_play,
     service,
     step_by,
     wait_for,
@@ -275,16 +274,6 @@ class TestAnchor(unittest.TestCase):
         )
         self.assertEqual(self.anchor_now(), RIGHT)
 
-    def run_play(self, *arguments):
-        return subprocess.run(
-            [program("play"), *map(str, arguments)],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            timeout=DEADLINE,
-        )
-
     def test_play_keeps_a_foot_in_a_motion_without_a_base(self):
         folder = tempfile.TemporaryDirectory()
         self.addCleanup(folder.cleanup)
@@ -297,12 +286,12 @@ class TestAnchor(unittest.TestCase):
             lines = [["time", *names, *SQUAT]]
             lines += [[row[0], *more, *row[1:]] for row in rows]
             file.write_text("\n".join(",".join(map(str, line)) for line in lines))
-        played = self.run_play(joints, "--anchor", "lowest_foot")
+        played = run_play(joints, "--anchor", "lowest_foot")
         self.assertEqual(played.returncode, 0, played.stdout)
         self.assertTrue(self.is_down(self.states.messages[-1]))
         self.assert_feet_stay([*self.states.messages])
         self.assertEqual(self.anchor_now(), "")
-        refused = self.run_play(whole, "--anchor", LEFT)
+        refused = run_play(whole, "--anchor", LEFT)
         told = "play: --anchor needs a motion without a base, but whole.csv has one.\n"
         self.assertEqual(refused.returncode, 1)
         self.assertTrue(refused.stdout.endswith(told), refused.stdout)

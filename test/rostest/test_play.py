@@ -15,7 +15,7 @@ from g1_description.srv import PlayMotion
 from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import JointState
 from support.joint_limits import limits
-from support.ros_testing import DEADLINE, Connected, is_at, program, step_by
+from support.ros_testing import DEADLINE, Connected, is_at, program, run_play, step_by
 from support.terminal import Terminal
 from tf2_msgs.msg import TFMessage
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -45,16 +45,6 @@ class TestPlay(unittest.TestCase):
     def setUp(self):
         self.states.clear()
         self.tf.clear()
-
-    def run_play(self, *arguments):
-        return subprocess.run(
-            [program("play"), *map(str, arguments)],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            timeout=DEADLINE,
-        )
 
     def base_pose(self):
         """Give where the base is, once it is where it was before."""
@@ -92,10 +82,10 @@ class TestPlay(unittest.TestCase):
         self.assertTrue(0.0 < self.assert_still() < 0.8)
 
     def test_it_goes_to_the_beginning_in_its_time_and_plays_a_part_at_a_speed(self):
-        self.run_play(self.file, "--from", 3.5, "--speed", 8)
+        run_play(self.file, "--from", 3.5, "--speed", 8)
         self.states.clear()
         arguments = "--from", 0.5, "--to", 1, "--lead-in", 1, "--speed", 2
-        done = self.run_play(self.file, *arguments)
+        done = run_play(self.file, *arguments)
         self.assertEqual(done.returncode, 0, done.stdout)
         self.assertEqual(
             done.stdout.splitlines()[-1], f"play: {self.file}: 0.50 s played."
@@ -168,7 +158,7 @@ class TestPlay(unittest.TestCase):
         there.transform.rotation.z = there.transform.rotation.w = np.sqrt(0.5)
         sender = tf2_ros.StaticTransformBroadcaster()
         sender.sendTransform(there)
-        done = self.run_play(
+        done = run_play(
             *(self.file, "--start-here", "--base-frame", "left/base_link"),
             *("--speed", 8),
         )
@@ -186,7 +176,7 @@ class TestPlay(unittest.TestCase):
 
     def test_it_puts_the_motion_on_the_floor(self):
         """The legs are straight: the soles are where a standing robot has them."""
-        done = self.run_play(self.file, "--on-floor", "--from", 3.9, "--to", 4.0)
+        done = run_play(self.file, "--on-floor", "--from", 3.9, "--to", 4.0)
         self.assertEqual(done.returncode, 0, done.stdout)
         self.assertAlmostEqual(self.base_pose()[2], 0.792, delta=0.005)
 
@@ -208,6 +198,6 @@ class TestPlay(unittest.TestCase):
             ),
         ):
             with self.subTest(text=text):
-                done = self.run_play(*arguments)
+                done = run_play(*arguments)
                 self.assertEqual(done.returncode, 1)
                 self.assertIn(text, done.stdout.splitlines()[-1])
