@@ -104,6 +104,12 @@ def skating():
     return motion(standing(), base)
 
 
+def drifting():
+    base = np.tile([0.0, 0, 0, 0, 0, 0, 1], (len(TIMES), 1))
+    base[:, 0] = 0.06 * TIMES / TIMES[-1]
+    return motion(standing(), base)
+
+
 def floating():
     found = motion(standing())
     base = found.base_poses.copy()
@@ -170,6 +176,7 @@ FAULTS = {
     "jump": (jumping, ("right_wrist_roll_joint",), 0.5, 1.2),
     "penetration": (sunken, ("left_ankle_roll_link",), 0.02, 0.0),
     "skating": (skating, ("left_ankle_roll_link",), 0.5, 0.0),
+    "drift": (drifting, ("left_ankle_roll_link",), 0.06, TIMES[-1]),
     "floating": (floating, (), 0.05, 0.0),
     "base_jump": (base_jumping, ("base",), 0.3, 1.2),
     "center_of_mass": (lambda: leaning(0.01), (), 0.01, None),
@@ -257,13 +264,22 @@ def test_a_foot_that_steps_does_not_skate():
     base[:, 0] = 0.3 * forward
     base[:, 2] += 0.025 * (1.0 - np.cos(2 * np.pi * share))
     stepping = motion(standing(), base, lift=False)
-    assert check(stepping, only=["skating"]).findings == ()
+    assert check(stepping, only=["skating", "drift"]).findings == ()
     base[:, 2] = found.base_poses[:, 2]
     sliding = check(motion(standing(), base, lift=False), only=["skating"])
     assert {finding.severity for finding in sliding.findings} == {"failed"}
     (first, *_) = sliding.findings
     assert 1.0 < first.first_time < 1.2
     assert first.worst == pytest.approx(1.2, rel=0.1)
+
+
+def test_what_skates_does_not_drift_unless_that_is_not_checked():
+    assert check(skating(), only=["drift"]).findings == ()
+    thresholds = with_thresholds(
+        Thresholds(), {"skating": {"warning": None, "failure": None}}
+    )
+    (left, _) = check(skating(), thresholds, ["drift"]).findings
+    assert left.worst == pytest.approx(0.5 * TIMES[-1], rel=0.01)
 
 
 @pytest.mark.parametrize(

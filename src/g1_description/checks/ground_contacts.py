@@ -52,6 +52,10 @@ class GroundPiece:
     """Speeds of their lowest points along the floor, the mean of those that touch it
     when the link does, in [m/s], shape (n, k)."""
 
+    moves: np.ndarray
+    """Their velocities along the map's x and y, the mean of the points that touch the
+    floor when the link does, in [m/s], shape (n, k, 2)."""
+
     speed: np.ndarray
     """Speeds of their lowest points, in [m/s], shape (n, k)."""
 
@@ -67,14 +71,15 @@ class GroundPiece:
 class GroundFrames:
     """How a robot stands, at each sample of a motion.
 
-    ``columns``, ``lowest`` and ``slide`` are those of a ``GroundPiece``; ``heights``
-    are those of the links of ``columns``, shape (n, k).
+    ``columns``, ``lowest``, ``slide`` and ``moves`` are those of a ``GroundPiece``;
+    ``heights`` are those of the links of ``columns``, shape (n, k).
     """
 
     columns: np.ndarray
     heights: np.ndarray
     lowest: np.ndarray
     slide: np.ndarray
+    moves: np.ndarray
     in_contact: np.ndarray
     """Whether a link supports the robot, shape (n, k)."""
 
@@ -120,7 +125,7 @@ class Ground:
             link_twists: Twists of their origins along the map's axes, shape
                 (n, n_links, 6).
         """
-        shape = (len(link_poses), len(self.rows))
+        shape, limits = (len(link_poses), len(self.rows)), self._thresholds
         heights, lowest = np.full(shape, np.inf), np.zeros((*shape, 3))
         owners, low = [np.zeros((2, 0), dtype=int)], [np.zeros((0, 3))]
         near = self._near(link_poses)
@@ -134,49 +139,31 @@ class Ground:
             changed = at[is_lower]
             heights[changed, column] = lowest_points[is_lower, 2]
             lowest[changed, column] = lowest_points[is_lower]
-            is_low = points[..., 2] <= self._thresholds.bearing_height
+            is_low = points[..., 2] <= limits.bearing_height
             frame = at[np.nonzero(is_low)[0]]
             owners.append(np.stack([frame, np.full_like(frame, column)]))
             low.append(points[is_low])
         owner, points = np.concatenate(owners, axis=1), np.concatenate(low)
         velocity = self._velocity(link_poses, link_twists, lowest, np.indices(shape))
-        slide = np.hypot(velocity[..., 0], velocity[..., 1])
-        moves = self._velocity(link_poses, link_twists, points, owner)
-        self._average(slide, heights, moves, (owner, points))
-        lowest[..., 2] += self._thresholds.floor_height
+        point_velocity = self._velocity(link_poses, link_twists, points, owner)
+        touching = points[:, 2] <= heights[tuple(owner)] + limits.contact_height
+        touching_velocity = point_velocity[touching, :2], owner[:, touching]
+        slide, moves = _means(velocity[..., :2], *touching_velocity)
+        lowest[..., 2] += limits.floor_height
         speed = np.linalg.norm(velocity, axis=-1)
-        is_used = heights <= self._thresholds.bearing_height
+        is_used = heights <= limits.bearing_height
         is_used[np.arange(len(heights)), heights.argmin(axis=1)] = True
         used = np.flatnonzero(is_used.any(axis=0))
-        parts = lowest[:, used], slide[:, used], speed[:, used]
-        return GroundPiece(used, heights, *parts, owner, points[:, :2])
-
-    def _average(
-        self,
-        slide: np.ndarray,
-        heights: np.ndarray,
-        velocity: np.ndarray,
-        low: tuple[np.ndarray, np.ndarray],
-    ) -> None:
-        """Replace the sliding speed of the lowest point by the mean of all that touch.
-
-        Which corner of a flat sole is the lowest is a matter of rounding.
-
-        Args:
-            slide: Of the lowest points in [m/s], shape (n, n_links); is changed.
-            heights: Of the lowest points in [m], shape (n, n_links).
-            velocity: Of the low points in [m/s], shape (k, 3).
-            low: Their samples and links, shape (2, k), and the points, shape (k, 3).
-        """
-        (frame, column), points = low
-        lowest = heights[frame, column]
-        touches = points[:, 2] <= lowest + self._thresholds.contact_height
-        at = frame[touches] * slide.shape[1] + column[touches]
-        speed = np.hypot(velocity[touches, 0], velocity[touches, 1])
-        count = np.bincount(at, minlength=slide.size)
-        total = np.bincount(at, weights=speed, minlength=slide.size)
-        known = count > 0
-        slide.reshape(-1)[known] = total[known] / count[known]
+        return GroundPiece(
+            used,
+            heights,
+            lowest[:, used],
+            slide[:, used],
+            moves[:, used],
+            speed[:, used],
+            owner,
+            points[:, :2],
+        )
 
     def _near(self, link_poses: np.ndarray) -> np.ndarray:
         """Mark where outlines may be the lowest, or near the floor.
@@ -231,12 +218,13 @@ class Ground:
         low = np.concatenate(moved, axis=1)
         low[1] = np.searchsorted(columns, low[1])
         points = np.concatenate([piece.low_points for piece in pieces])
-        lowest, slide, speed = (
-            _spread(pieces, name, columns) for name in ("lowest", "slide", "speed")
+        lowest, slide, moves, speed = (
+            _spread(pieces, name, columns)
+            for name in ("lowest", "slide", "moves", "speed")
         )
         in_contact = self._contacts(heights, speed, times, self._is_end[columns])
         support = _support(low, points, in_contact)
-        return GroundFrames(columns, heights, lowest, slide, in_contact, support)
+        return GroundFrames(columns, heights, lowest, slide, moves, in_contact, support)
 
     def _contacts(
         self,
@@ -320,6 +308,57 @@ def _mean_speeds(
             begin = np.searchsorted(inside, start - SNAP, side="left")
             end = np.searchsorted(inside, start + SLIDE_WINDOW + SNAP, side="right")
             found[rows, column] = (summed[end] - summed[begin]) / (end - begin)
+    return found
+
+
+def _means(
+    velocity: np.ndarray, touching: np.ndarray, owner: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Average over the points of a link that touch the floor.
+
+    Which corner of a flat sole is the lowest is a matter of rounding.
+
+    Args:
+        velocity: Of the lowest points, along x and y in [m/s], shape (n, n_links, 2).
+        touching: The same of all points that touch, shape (k, 2).
+        owner: Their samples and links, shape (2, k).
+
+    Returns:
+        Speeds, shape (n, n_links), and velocities, shape (n, n_links, 2); of the lowest
+        points where none touches.
+    """
+    shape = velocity.shape[:2]
+    at = np.ravel_multi_index(tuple(owner), shape)
+    count = np.bincount(at, minlength=shape[0] * shape[1]).reshape(shape)
+
+    def mean(lowest: np.ndarray, values: np.ndarray) -> np.ndarray:
+        total = np.bincount(at, weights=values, minlength=count.size).reshape(shape)
+        return np.where(count > 0, total / np.maximum(count, 1), lowest)
+
+    speed = mean(np.hypot(*np.moveaxis(velocity, -1, 0)), np.hypot(*touching.T))
+    axes = (mean(velocity[..., axis], touching[:, axis]) for axis in (0, 1))
+    return speed, np.stack([*axes], axis=-1)
+
+
+def drifts(moves: np.ndarray, touches: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Compute how far links have moved along the floor since they touched it.
+
+    Args:
+        moves: Velocities along the floor in [m/s], shape (n, n_links, 2).
+        touches: Whether a link touches the floor, shape (n, n_links).
+        times: Of the samples in [s], shape (n,).
+
+    Returns:
+        In [m], NaN where a link does not touch, shape (n, n_links).
+    """
+    found = np.full(touches.shape, np.nan)
+    for column in np.flatnonzero(touches.any(axis=0)):
+        for first, last in runs(touches[:, column]):
+            rows = slice(first, last + 1)
+            velocity, elapsed = moves[rows, column], np.diff(times[rows])
+            steps = 0.5 * (velocity[1:] + velocity[:-1]) * elapsed[:, np.newaxis]
+            found[first, column] = 0.0
+            found[first + 1 : last + 1, column] = np.hypot(*np.cumsum(steps, axis=0).T)
     return found
 
 

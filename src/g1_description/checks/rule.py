@@ -92,6 +92,12 @@ class Rule:
             return "disabled: no threshold is set"
         return why or (self.skip(robot, trajectory) if self.skip else "")
 
+    def lowest(self, thresholds: Thresholds) -> float:
+        """Return the threshold at which findings begin; NaN if none is set."""
+        level = self.level_in(thresholds)
+        bounds = [b for b in (level.warning, level.failure) if b is not None]
+        return (max if self.lower_is_worse else min)(bounds, default=np.nan)
+
     def exceeds(self, sizes: np.ndarray, bound: float) -> np.ndarray:
         """Compare sizes of any shape with a threshold; NaN does not exceed it."""
         with np.errstate(invalid="ignore"):
@@ -99,11 +105,7 @@ class Rule:
 
     def columns(self, measured: Measured, sizes: np.ndarray) -> Sequence[int]:
         """List the columns of sizes, shape (n, k), that exceed any threshold."""
-        level = self.level_in(measured.robot.thresholds)
-        bounds = [b for b in (level.warning, level.failure) if b is not None]
-        if not bounds:
-            return []
-        least = max(bounds) if self.lower_is_worse else min(bounds)
+        least = self.lowest(measured.robot.thresholds)
         found = np.flatnonzero(self.exceeds(sizes, least).any(axis=0))
         return [*map(int, found)]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from g1_description.checks.rules.balance import CENTER_OF_MASS, ZERO_MOMENT_POINT
-from g1_description.checks.rules.ground import FLOATING, PENETRATION, SKATING
+from g1_description.checks.rules.ground import DRIFT, FLOATING, PENETRATION, SKATING
 from g1_description.checks.rules.jumps import BASE_JUMP, JUMP
 from g1_description.checks.rules.limits import (
     ACCELERATION,
@@ -27,6 +27,7 @@ RULES = (
     PENETRATION,
     FLOATING,
     SKATING,
+    DRIFT,
     CENTER_OF_MASS,
     ZERO_MOMENT_POINT,
     TRACKING,

@@ -1,4 +1,4 @@
-"""The robot and its floor: penetration, floating and skating."""
+"""The robot and its floor: penetration, floating, skating and drift."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from g1_description.checks.causes import BY_TIME
-from g1_description.checks.ground_contacts import GroundFrames
+from g1_description.checks.ground_contacts import GroundFrames, drifts
 from g1_description.checks.intervals import runs
 from g1_description.checks.measured import Measured
 from g1_description.checks.rule import Rule
@@ -58,6 +58,21 @@ def _skating(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
         )
         text = f"{link} slides on the floor at {{worst:.4g}} m/s{{when}}"
         yield rule.compared(measured, (link,), speeds[:, column], text, points=points)
+
+
+def _drifts(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
+    """Find links that do not stay where they touched the floor.
+
+    What ``skating`` finds does not count.
+    """
+    frames, speeds = _ground(measured), measured.once(slides)
+    is_slow = ~SKATING.exceeds(speeds, SKATING.lowest(measured.robot.thresholds))
+    moves = frames.moves * is_slow[..., np.newaxis]
+    sizes = drifts(moves, ~np.isnan(speeds), measured.times)
+    for column in rule.columns(measured, sizes):
+        link, points = measured.ground_links[column], frames.lowest[:, column]
+        text = f"{link} drifts {{worst:.4g}} m while it touches the floor{{when}}"
+        yield rule.compared(measured, (link,), sizes[:, column], text, points=points)
 
 
 def _floating(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
@@ -135,4 +150,16 @@ SKATING = Rule(
     find=_skating,
     needs=("ground",),
     requires="base",
+)
+DRIFT = Rule(
+    name="drift",
+    grouping=BY_TIME,
+    about="links that touch the floor and move along it, slower than `skating` finds",
+    level=Level(0.02, 0.05),
+    limit="m along the floor, in one contact",
+    unit="m",
+    find=_drifts,
+    needs=("ground",),
+    requires="base",
+    is_live=False,
 )
