@@ -173,6 +173,8 @@ def record(clone, file, name):
     begin = time.monotonic()
     if name == "test":
         code = run(clone, f"{PYTEST} -p tools.contexts test", **variables)
+        if code not in (0, 1):
+            sys.exit(f"tools/mutate: pytest cannot run the tests (exit code {code})")
     else:
         code = run(clone, f"rostest {name}", **variables, G1_DESCRIPTION_TEST=name)
     seconds = time.monotonic() - begin if code == 0 else float("inf")

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any, Callable, TextIO, TypeVar
 
 from g1_description.errors import InvalidValueError
+from g1_description.text import similar
 
 Options = TypeVar("Options")
 
@@ -22,6 +23,16 @@ class OneSentenceParser(argparse.ArgumentParser):
 
     misuse = 1
     """Exit code where the command line is wrong."""
+
+    def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Parse; end with a sentence about what is unknown, with a likely name."""
+        given, unknown = self.parse_known_args(args, namespace)
+        if unknown:
+            known = [name for action in self._actions for name in action.option_strings]
+            near = similar(unknown[0].partition("=")[0], known)
+            hint = f" (did you mean {near[0]}?)" if near else ""
+            self.error(f"unrecognized arguments: {' '.join(unknown)}{hint}")
+        return given
 
     def error(self, message: str) -> Any:
         """End with a sentence, without the usage."""

@@ -84,6 +84,11 @@ def test_values_come_from_words_or_are_defaults():
         ),
         ("a --big 0", "argument --big: must be greater than 0 (got 0)"),
         ("a --quiet --only b", "Be quiet or choose"),
+        ("a b --x", "unrecognized arguments: --x"),
+        (
+            "a --sped=2 --y",
+            "unrecognized arguments: --sped=2 --y (did you mean --speed?)",
+        ),
     ],
 )
 def test_what_is_wrong_is_told_in_a_line(words, told, capsys):

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from conftest import REPOSITORY
 
-from g1_description.cli.doctor import LINKS
+from g1_description.cli.doctor import CHECK_NAMES
 
 ROSBASH = [
     *Path("/opt/ros").glob("*/share/rosbash/rosbash"),
@@ -85,7 +85,7 @@ COMPLETED = {
     (*RUN, "check", "a.csv", "--json", READ): [README],
     (*RUN, "doctor", "--j"): ["--json"],
     (*RUN, "doctor", "--until", "li"): ["link_states"],
-    (*RUN, "doctor", "--until", ""): LINKS,
+    (*RUN, "doctor", "--until", ""): CHECK_NAMES,
     (*RUN, "doctor", "--namespace", ""): [],
     (*RUN, "play", READ): [README],
     (*RUN, "web", "--compare", "a.csv", READ): [README],

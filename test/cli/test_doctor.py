@@ -60,9 +60,9 @@ def test_a_python_without_anything_says_that_no_workspace_is_sourced():
     )
     assert (run.returncode, run.stderr) == (1, "")
     told = json.loads(run.stdout)
-    assert [link["name"] for link in told["links"]] == doctor.LINKS
-    assert {*told} == {"whole", "fault", "sentence", "cure", "links"}
-    assert {*told["links"][0]} == {"name", "state", "about", "remark"}
+    assert [link["name"] for link in told["checks"]] == doctor.CHECK_NAMES
+    assert {*told} == {"ok", "fault", "message", "fix", "checks"}
+    assert {*told["checks"][0]} == {"name", "state", "about", "remark"}
 
 
 def faults():
@@ -80,7 +80,7 @@ def faults():
 def test_all_faults_and_links_are_on_the_page():
     assert {"no_pybullet", "two_clocks", "no_diagnostics", "paused"} <= faults()
     listed = {*re.findall(r"^\| `(\w+)` \|", PAGE, flags=re.M)}
-    assert listed == {*doctor.LINKS, *faults()}
+    assert listed == {*doctor.CHECK_NAMES, *faults()}
 
 
 def test_a_check_that_fails_is_reported_without_a_traceback(monkeypatch):
@@ -90,9 +90,9 @@ def test_a_check_that_fails_is_reported_without_a_traceback(monkeypatch):
     monkeypatch.setattr(doctor, "CHECKS", [("nodes", "", fail), ("tf", "", fail)])
     monkeypatch.setattr(doctor, "check_master", lambda system: "it answers")
     nodes, tf = doctor.run_checks("", ["nodes", "tf"])
-    assert (nodes.state, nodes.remark) == (doctor.BROKEN, "unfinished")
-    assert "'nodes'" in nodes.fault.sentence
-    assert tf.state == doctor.NOT_LOOKED_AT
+    assert (nodes.state, nodes.remark) == (doctor.FAILED, "unfinished")
+    assert "'nodes'" in nodes.fault.message
+    assert tf.state == doctor.SKIPPED
 
 
 # --- this shell ---------------------------------------------------------------------
@@ -160,20 +160,20 @@ def test_the_packages_of_the_nodes(monkeypatch, module, services, name):
 def test_what_is_not_an_address_of_a_master(monkeypatch, uri):
     monkeypatch.setenv("ROS_MASTER_URI", uri)
     found = doctor.check_master(doctor.System(""))
-    assert found.name == "bad_master_uri" and f"'{uri}'" in found.sentence
+    assert found.name == "bad_master_uri" and f"'{uri}'" in found.message
 
 
 @pytest.mark.parametrize(
-    ("host", "name", "cure"),
+    ("host", "name", "fix"),
     [
         ("localhost", "no_master", doctor.DISPLAY),
         ("robot.invalid", "no_remote_master", "ssh robot.invalid roscore"),
     ],
 )
-def test_no_master(monkeypatch, host, name, cure):
+def test_no_master(monkeypatch, host, name, fix):
     monkeypatch.setenv("ROS_MASTER_URI", f"http://{host}:1")
     found = doctor.check_master(doctor.System(""))
-    assert (found.name, found.cure) == (name, cure)
+    assert (found.name, found.fix) == (name, fix)
 
 
 @pytest.mark.parametrize(
@@ -196,7 +196,7 @@ def test_own_addresses(monkeypatch, variables, master_is_here, is_right):
     found = doctor.check_address(system)
     assert isinstance(found, str) == is_right
     if not is_right:
-        assert found.cure.startswith("unset ROS_HOSTNAME; export ROS_IP=")
+        assert found.fix.startswith("unset ROS_HOSTNAME; export ROS_IP=")
 
 
 # --- nodes --------------------------------------------------------------------------
@@ -250,7 +250,7 @@ def test_nodes_that_answer_are_known(monkeypatch):
 def test_nodes_that_do_not_answer(monkeypatch, uri, name):
     monkeypatch.setattr(doctor, "WAIT", 2.0)
     _, found = ask_nodes(monkeypatch, {"/a": uri}, {"/tf": ["/a"]}, {}, {})
-    assert found.name == name and "/a" in found.sentence
+    assert found.name == name and "/a" in found.message
 
 
 def test_a_node_that_takes_connections_and_is_silent_hangs(monkeypatch):
@@ -258,7 +258,7 @@ def test_a_node_that_takes_connections_and_is_silent_hangs(monkeypatch):
     with socket.create_server(("127.0.0.1", 0)) as silent:
         uri = f"http://127.0.0.1:{silent.getsockname()[1]}/"
         _, found = ask_nodes(monkeypatch, {"/a": uri}, {"/tf": ["/a"]}, {}, {})
-    assert found.name == "hung_node" and found.cure.startswith("kill -CONT ")
+    assert found.name == "hung_node" and found.fix.startswith("kill -CONT ")
 
 
 @pytest.mark.parametrize(
@@ -333,12 +333,12 @@ def test_a_robot_with_more_links_is_another():
 
 
 def test_one_publisher_is_enough():
-    def cure(*nodes):
+    def fix(*nodes):
         found = doctor.several("two_clocks", nodes, ["/gazebo"], "")
-        return found and found.cure
+        return found and found.fix
 
-    assert cure() is None and cure("/gazebo") is None and cure("/bag") is None
-    assert cure("/gazebo", "/bag") == cure("/bag", "/gazebo") == "rosnode kill /bag"
+    assert fix() is None and fix("/gazebo") is None and fix("/bag") is None
+    assert fix("/gazebo", "/bag") == fix("/bag", "/gazebo") == "rosnode kill /bag"
 
 
 OWN = ["/bridge", "/rsp"]
@@ -359,7 +359,7 @@ OWN = ["/bridge", "/rsp"]
 def test_owners_of_edges(pairs, killed):
     edges = {"x": pairs, "y": {("/rsp", "x")}}
     found = doctor.two_tf_owners(edges, [("a", "x"), ("x", "y")], OWN)
-    assert (found.cure if found else "") == (killed and f"rosnode kill {killed}")
+    assert (found.fix if found else "") == (killed and f"rosnode kill {killed}")
 
 
 def test_frames_of_other_robots_are_ignored():
@@ -384,12 +384,12 @@ def test_diagnostics_that_are_a_fault():
 
 
 def test_meshes_that_are_missing():
-    def cure(*lost):
-        return doctor.meshes_cure(lost, "/here")
+    def fix(*lost):
+        return doctor.meshes_fix(lost, "/here")
 
-    assert cure("file:///here/meshes/a.stl") == "git -C /here checkout -- meshes"
-    assert "model:=FILE" in cure("file:///there/a.stl", "file:///here/a.stl")
-    assert "workspace with robots" in cure("package://robots/a.stl")
+    assert fix("file:///here/meshes/a.stl") == "git -C /here checkout -- meshes"
+    assert "model:=FILE" in fix("file:///there/a.stl", "file:///here/a.stl")
+    assert "workspace with robots" in fix("package://robots/a.stl")
 
 
 @pytest.mark.parametrize(
@@ -406,9 +406,9 @@ def test_a_topic_without_messages_is_silent(monkeypatch, check, topic, name):
     monkeypatch.setattr(doctor, "first_message", lambda topic, kind: None)
     system.publishers[topic], system.pids["/node"] = ["/node"], 7
     found = check(system)
-    assert found.name == name and "/node runs, but there was no mess" in found.sentence
-    cure = "rosnode kill /node" if name == "no_joint_states" else "kill 7"
-    assert topic in found.sentence and found.cure.startswith(cure)
+    assert found.name == name and "/node runs, but there was no mess" in found.message
+    fix = "rosnode kill /node" if name == "no_joint_states" else "kill 7"
+    assert topic in found.message and found.fix.startswith(fix)
 
 
 @pytest.mark.parametrize(
@@ -701,7 +701,7 @@ def examined(monkeypatch, given):
         "parameter",
         lambda self, name, default=None: given.parameters.get(name, default),
     )
-    checks = doctor.CHECKS[doctor.LINKS.index("description") :]
+    checks = doctor.CHECKS[doctor.CHECK_NAMES.index("description") :]
     monkeypatch.setattr(doctor, "CHECKS", [("begin", "", begin), *checks])
     monkeypatch.setattr(doctor, "call", call)
     monkeypatch.setattr(doctor, "listen", listen)
@@ -712,7 +712,7 @@ def examined(monkeypatch, given):
     faults = [result.fault for result in results if result.fault]
     for fault in faults:
         yield f"  {fault.name}"
-        yield from (f"    {fault.sentence}", f"    {fault.cure}")
+        yield from (f"    {fault.message}", f"    {fault.fix}")
     if not faults:
         yield from (f"  {result.name}: {result.remark}" for result in results)
 
@@ -738,8 +738,8 @@ def test_a_signal_ends_the_checks(monkeypatch):
 FAULT = doctor.Fault("no_b", "There is no b.", "make b")
 RESULTS = [
     doctor.Result("tf", "a is there", doctor.OK, "/a"),
-    doctor.Result("picture", "b is there", doctor.BROKEN, FAULT.name, FAULT),
-    doctor.Result("more", "c is there", doctor.NOT_LOOKED_AT),
+    doctor.Result("picture", "b is there", doctor.FAILED, FAULT.name, FAULT),
+    doctor.Result("more", "c is there", doctor.SKIPPED),
 ]
 
 
@@ -759,23 +759,23 @@ def test_results_are_told_as_text_and_as_json(monkeypatch, capsys, n_results):
             doctor.main()
         assert end.value.code == (1 if fault else 0)
         told.append(capsys.readouterr().out)
-    assert asked == [("", doctor.LINKS), ("left", ["python", "packages"])]
+    assert asked == [("", doctor.CHECK_NAMES), ("left", ["python", "packages"])]
     lines = [
-        "ok             tf               a is there (/a)",
-        "broken         picture          b is there (no_b)",
-        "not looked at  more             c is there",
+        "ok       tf               a is there (/a)",
+        "failed   picture          b is there (no_b)",
+        "skipped  more             c is there",
     ][:n_results]
     end = ["doctor: There is no b.", "        make b"]
     end = end if fault else ["doctor: no fault found."]
     assert told[0].splitlines() == [*lines, "", *end]
     links = [("tf", "ok", "a is there", "/a")]
-    links += [("picture", "broken", "b is there", "no_b")]
-    links += [("more", "not looked at", "c is there", "")]
+    links += [("picture", "failed", "b is there", "no_b")]
+    links += [("more", "skipped", "c is there", "")]
     keys = "name", "state", "about", "remark"
     assert json.loads(told[1]) == {
-        "whole": not fault,
+        "ok": not fault,
         "fault": fault and "no_b",
-        "sentence": fault and "There is no b.",
-        "cure": fault and "make b",
-        "links": [dict(zip(keys, link)) for link in links[:n_results]],
+        "message": fault and "There is no b.",
+        "fix": fault and "make b",
+        "checks": [dict(zip(keys, link)) for link in links[:n_results]],
     }

@@ -2,6 +2,7 @@
 
 import ast
 import sys
+from collections import Counter
 
 import pytest
 from conftest import REPOSITORY
@@ -47,3 +48,10 @@ def test_a_seed_draws_lines_whose_changes_are_python():
     assert draw(REPOSITORY, 200, 1) == drawn != draw(REPOSITORY, 200, 2)
     for mutant in drawn:
         ast.parse(mutant.apply((REPOSITORY / mutant.file).read_bytes()))
+
+
+def test_pytest_can_run_all_folders_at_once():
+    """Modules of tests have no packages, so their names are unique."""
+    files = (REPOSITORY / "test").glob("*/test_*.py")
+    names = Counter(file.name for file in files if file.parent.name != "rostest")
+    assert [name for name, count in names.items() if count > 1] == []

@@ -343,7 +343,7 @@ def test_a_phone_shows_the_robot_and_moves_it(chromium, window, address, robot):
 
 
 def test_the_doctor_takes_the_page_for_a_picture_of_the_robot(address):
-    names = doctor.LINKS[: doctor.LINKS.index("picture") + 1]
+    names = doctor.CHECK_NAMES[: doctor.CHECK_NAMES.index("picture") + 1]
     *_, picture = doctor.run_checks("", names)
     assert (picture.name, picture.state) == ("picture", doctor.OK), picture
     assert picture.remark == "/web"

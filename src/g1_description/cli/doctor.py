@@ -50,10 +50,10 @@ if TYPE_CHECKING:
     Nodes = Dict[str, List[str]]  # by the full name of a topic or a service
     Heard = List[Tuple[str, str, Any]]  # topics, senders and messages
 
-WHOLE, FOUND, MISUSE = 0, 1, 2
+NO_FAULT, FOUND, MISUSE = 0, 1, 2
 """Exit codes."""
 
-OK, BROKEN, NOT_LOOKED_AT = "ok", "broken", "not looked at"
+OK, FAILED, SKIPPED = "ok", "failed", "skipped"
 """States of a link."""
 
 WAIT = 5.0
@@ -120,8 +120,8 @@ class Fault:
     name: str
     """Name, as in the documentation."""
 
-    sentence: str
-    cure: str
+    message: str
+    fix: str
     """A command that fixes it."""
 
 
@@ -132,7 +132,7 @@ class Result:
     name: str
     about: str
     state: str
-    """``OK``, ``BROKEN`` or ``NOT_LOOKED_AT``."""
+    """``OK``, ``FAILED`` or ``SKIPPED``."""
 
     remark: str = ""
     fault: Fault | None = None
@@ -471,13 +471,13 @@ class System:
 
 
 def several(
-    name: str, nodes: Sequence[str], own: Sequence[str], sentence: str
+    name: str, nodes: Sequence[str], own: Sequence[str], message: str
 ) -> Fault | None:
     """Return a fault if several nodes do the work of one; those of ``own`` may stay."""
     if len(nodes) < 2:
         return None
     others = [node for node in nodes if node not in own] or nodes[1:]
-    return Fault(name, sentence, f"rosnode kill {others[-1]}")
+    return Fault(name, message, f"rosnode kill {others[-1]}")
 
 
 def check_python(system: System) -> Fault | str:
@@ -550,10 +550,10 @@ def check_master(system: System) -> Fault | str:
     try:
         ask(uri, "getPid")
     except (OSError, LookupError) as error:
-        sentence = f"There is no master at {uri}: {reason_of(error)}."
+        message = f"There is no master at {uri}: {reason_of(error)}."
         if system.master_is_here:
-            return Fault("no_master", sentence, DISPLAY)
-        return Fault("no_remote_master", sentence, f"ssh {host} roscore")
+            return Fault("no_master", message, DISPLAY)
+        return Fault("no_remote_master", message, f"ssh {host} roscore")
     return uri
 
 
@@ -621,15 +621,15 @@ def _ask_node(system: System, node: str) -> Fault | None:
     if addresses and is_here and (system.master_is_here or not are_loopback(addresses)):
         place = f"{node} is registered at {uri}, but"
         if isinstance(problem, TimeoutError):
-            sentence = (
+            message = (
                 f"{place} does not respond ({reason}): it hangs, or was "
                 "stopped with Ctrl-Z."
             )
             process = f"$(fuser -n tcp {port} 2>/dev/null)"
-            cure = f"kill -CONT {process}  # if it still hangs: kill -9"
-            return Fault("hung_node", sentence, cure)
-        sentence = f"{place} nothing answers there: {reason}."
-        return Fault("dead_node", sentence, "yes | rosnode cleanup")
+            fix = f"kill -CONT {process}  # if it still hangs: kill -9"
+            return Fault("hung_node", message, fix)
+        message = f"{place} nothing answers there: {reason}."
+        return Fault("dead_node", message, "yes | rosnode cleanup")
     if is_here:
         reason = "that address means a different machine on each host"
     elif addresses:
@@ -664,20 +664,20 @@ def check_description(system: System) -> Fault | str:
     places = [name] if name.startswith("/") else places
     found = ((place, system.parameter(place)) for place in places)
     place, text = next((pair for pair in found if pair[1] is not None), ("", ""))
-    cure = DISPLAY
+    fix = DISPLAY
     if system.simulators:  # launch files refuse to start a second one
-        cure = (
+        fix = (
             "rosrun g1_description absolute_urdf.py '' > /tmp/robot.urdf && "
             f"rosparam set -t /tmp/robot.urdf {place or name}"
         )
     if not place:
-        sentence = f"There is no parameter {name} in /{system.namespace} or above."
-        return Fault("no_description", sentence, cure)
+        message = f"There is no parameter {name} in /{system.namespace} or above."
+        return Fault("no_description", message, fix)
     try:
         system.description = parse_urdf(str(text))
     except G1DescriptionError as error:
-        sentence = f"The parameter {place} does not hold a robot: {error}"
-        return Fault("bad_description", sentence, cure)
+        message = f"The parameter {place} does not hold a robot: {error}"
+        return Fault("bad_description", message, fix)
     system.place = place
     return f"{place}: {len(system.description.movable_joints)} joints"
 
@@ -695,12 +695,12 @@ def check_meshes(system: System) -> Fault | str:
     lost = [name for name in names if local_path(name, find_folder) is None]
     if not lost:
         return f"{len(names)} files"
-    sentence = f"Meshes of the robot in {system.place} are missing on this machine: "
-    cure = meshes_cure(lost, str(share_folder()))
-    return Fault("missing_meshes", f"{sentence}{listed(lost)}.", cure)
+    message = f"Meshes of the robot in {system.place} are missing on this machine: "
+    fix = meshes_fix(lost, str(share_folder()))
+    return Fault("missing_meshes", f"{message}{listed(lost)}.", fix)
 
 
-def meshes_cure(lost: Sequence[str], share: str) -> str:
+def meshes_fix(lost: Sequence[str], share: str) -> str:
     """Return the command that restores meshes; share is this package's folder."""
     scheme, _, path = lost[0].partition("://")
     package = path.partition("/")[0]
@@ -717,8 +717,8 @@ def check_simulator(system: System) -> Fault | str:
 
     if not system.simulators:
         service = f"{system.gazebo}/set_model_configuration"
-        sentence = f"No simulator is running: nothing provides {service}."
-        return Fault("no_simulator", sentence, GAZEBO)
+        message = f"No simulator is running: nothing provides {service}."
+        return Fault("no_simulator", message, GAZEBO)
     service = f"{system.gazebo}/get_physics_properties"
     try:
         system.is_paused = bool(call(service, GetPhysicsProperties).pause)
@@ -729,8 +729,8 @@ def check_simulator(system: System) -> Fault | str:
 
 def _hung_simulator(system: System, service: str) -> Fault:
     node = system.simulators[0]
-    sentence = f"{node} does not answer {service} within {WAIT:g} s."
-    return Fault("hung_simulator", sentence, _restart(system, node, "kill -9"))
+    message = f"{node} does not answer {service} within {WAIT:g} s."
+    return Fault("hung_simulator", message, _restart(system, node, "kill -9"))
 
 
 def _restart(system: System, node: str, kill: str = "kill") -> str:
@@ -741,9 +741,9 @@ def _restart(system: System, node: str, kill: str = "kill") -> str:
     return f"{kill} {system.pids[node]}  # on its machine; then: {GAZEBO}"
 
 
-def _silent(name: str, node: str, topic: str, cure: str) -> Fault:
-    sentence = f"{node} runs, but there was no message on {topic} within {WAIT:g} s."
-    return Fault(name, sentence, cure)
+def _silent(name: str, node: str, topic: str, fix: str) -> Fault:
+    message = f"{node} runs, but there was no message on {topic} within {WAIT:g} s."
+    return Fault(name, message, fix)
 
 
 def check_clock(system: System) -> Fault | str:
@@ -758,10 +758,10 @@ def check_clock(system: System) -> Fault | str:
             "advance.",
             "rosparam set /use_sim_time false  # then restart the nodes",
         )
-    sentence = (
+    message = (
         f"Several nodes publish /clock, {listed(nodes)}: time jumps back and forth."
     )
-    return several("two_clocks", nodes, system.simulators, sentence) or listed(nodes)
+    return several("two_clocks", nodes, system.simulators, message) or listed(nodes)
 
 
 def check_time(system: System) -> Fault | str:
@@ -776,8 +776,8 @@ def check_time(system: System) -> Fault | str:
         )
     nodes = system.publishers["/clock"]
     if nodes and first_message("/clock", Clock) is None:
-        cure = _restart(system, nodes[0])
-        return _silent("silent_clock", nodes[0], "/clock", cure)
+        fix = _restart(system, nodes[0])
+        return _silent("silent_clock", nodes[0], "/clock", fix)
     return "runs"
 
 
@@ -790,10 +790,8 @@ def check_link_states(system: System) -> Fault | str:
     nodes = system.publishers[topic]
     if not nodes:
         node = system.simulators[0]
-        sentence = (
-            f"{node} runs, but nothing publishes {topic}, which the bridge needs."
-        )
-        return Fault("no_link_states", sentence, _restart(system, node))
+        message = f"{node} runs, but nothing publishes {topic}, which the bridge needs."
+        return Fault("no_link_states", message, _restart(system, node))
     message = first_message(topic, LinkStates)
     if message is None:
         return _silent("silent_simulator", nodes[0], topic, _restart(system, nodes[0]))
@@ -810,15 +808,15 @@ def check_bridge(system: System) -> Fault | str:
     topic, bridges = system.topic(STATES), system.bridges
     if bridges:
         nodes = listed(bridges)
-        sentence = f"Several bridges publish {topic}: {nodes}."
-        return several("two_bridges", bridges, [BRIDGE], sentence) or bridges[0]
-    cure, others = "roslaunch g1_description bridge.launch", ""
+        message = f"Several bridges publish {topic}: {nodes}."
+        return several("two_bridges", bridges, [BRIDGE], message) or bridges[0]
+    fix, others = "roslaunch g1_description bridge.launch", ""
     spaces = sorted(space for space, nodes in system.all_bridges.items() if nodes)
     if spaces:
-        cure = DOCTOR + (f" --namespace {spaces[0]}" if spaces[0] else "")
+        fix = DOCTOR + (f" --namespace {spaces[0]}" if spaces[0] else "")
         others = f"; there is one for the namespace {listed(f'/{s}' for s in spaces)}"
-    sentence = f"No link_states_bridge publishes {topic}{others}."
-    return Fault("no_bridge", sentence, cure)
+    message = f"No link_states_bridge publishes {topic}{others}."
+    return Fault("no_bridge", message, fix)
 
 
 def check_model(system: System) -> Fault | str:
@@ -835,20 +833,20 @@ def check_model(system: System) -> Fault | str:
     name, bridge = system.robot.name, system.bridges[0]
     if name.partition(SCOPE)[0] in models:
         return name
-    cure = _spawn(system)
+    fix = _spawn(system)
     # A model with the robot's links may be the robot under another name.
     shown = [robot.name for robot in system.parameters.each_robot]
     parts = [link.rpartition(SCOPE) for link in system.links[0]]
     names = {*system.description.link_names}
     robots = {m for m, _, link in parts if link in names and m not in shown}
     if len(robots) == 1:
-        cure = f"rosparam set {bridge}/model_name {robots.pop()} && rosnode kill "
-        cure += bridge + AGAIN
+        fix = f"rosparam set {bridge}/model_name {robots.pop()} && rosnode kill "
+        fix += bridge + AGAIN
     return Fault(
         "no_model",
         f"The simulator has no model '{name}', which {bridge} needs. Its models: "
         f"{listed(models) or 'none'}.",
-        cure,
+        fix,
     )
 
 
@@ -932,14 +930,14 @@ def check_joint_states(system: System) -> Fault | str:
     nodes = system.publishers[topic]
     own = system.bridges or nodes[:1]
     publishers = f"Several nodes publish {topic}, {listed(nodes)}"
-    sentence = f"{publishers}; only {listed(own)} should."
-    two = several("two_joint_states", nodes, own, sentence)
+    message = f"{publishers}; only {listed(own)} should."
+    two = several("two_joint_states", nodes, own, message)
     if two:
         return two
     message = first_message(topic, JointState)
     if message is None:
-        cure = f"rosnode kill {own[0]}{AGAIN}"
-        return _silent("no_joint_states", own[0], topic, cure)
+        fix = f"rosnode kill {own[0]}{AGAIN}"
+        return _silent("no_joint_states", own[0], topic, fix)
     return f"{len(message.name)} joints"
 
 
@@ -952,8 +950,8 @@ def check_state_publisher(system: System) -> Fault | str:
 
 
 def _no_state_publisher(system: System) -> Fault:
-    sentence = f"No robot_state_publisher subscribes to {system.tf_input}."
-    return Fault("no_state_publisher", sentence, _start_state_publisher(system))
+    message = f"No robot_state_publisher subscribes to {system.tf_input}."
+    return Fault("no_state_publisher", message, _start_state_publisher(system))
 
 
 def _start_state_publisher(system: System) -> str:
@@ -994,8 +992,8 @@ def check_tf(system: System) -> Fault | str:
     owner = system.bridges[0] if is_base else system.state_publishers[0]
     then = AGAIN if is_base else f"; {_start_state_publisher(system)}"
     edges_lost = listed(f"{parent} -> {child}" for parent, child in lost)
-    sentence = f"TF lacks {edges_lost}, which {owner} should publish."
-    return Fault("no_tf", sentence, f"rosnode kill {owner}{then}")
+    message = f"TF lacks {edges_lost}, which {owner} should publish."
+    return Fault("no_tf", message, f"rosnode kill {owner}{then}")
 
 
 def tf_edges(heard: Heard) -> dict[str, set[tuple[str, str]]]:
@@ -1060,9 +1058,9 @@ def check_diagnostics(system: System) -> Fault | str:
         return node
     if not found:
         return _silent("no_diagnostics", node, topic, f"rosnode kill {node}{AGAIN}")
-    cure = f"rostopic echo {topic}  # the report with all figures"
-    sentence = f"{node} reports on {topic}: {found[-1]}."
-    return Fault("bad_diagnostics", sentence, cure)
+    fix = f"rostopic echo {topic}  # the report with all figures"
+    message = f"{node} reports on {topic}: {found[-1]}."
+    return Fault("bad_diagnostics", message, fix)
 
 
 def bad_status(statuses: Iterable[Any]) -> str:
@@ -1110,7 +1108,7 @@ CHECKS: list[tuple[str, str, Callable[[System], Fault | str]]] = [
 """Name, description and function of each check. They run in this order: each needs the
 results of those before it."""
 
-LINKS = [name for name, _, _ in CHECKS]
+CHECK_NAMES = [name for name, _, _ in CHECKS]
 
 OF_SIMULATION = {"simulator", "time", "link_states", "bridge", "model", "urdf"}
 OF_SIMULATION |= {"diagnostics"}
@@ -1141,17 +1139,17 @@ def run_checks(namespace: str, names: Sequence[str]) -> Iterator[Result]:
         except (OSError, LookupError, TypeError, ValueError, SystemExit) as error:
             found = check_master(system)  # it may have died meanwhile
             if not isinstance(found, Fault):
-                sentence = f"The check '{name}' failed: {reason_of(error)}."
+                message = f"The check '{name}' failed: {reason_of(error)}."
                 again = f"{DOCTOR}  # run again when this machine is less busy"
-                found = Fault("unfinished", sentence, again)
+                found = Fault("unfinished", message, again)
         if is_shut_down():
             raise KeyboardInterrupt
         if isinstance(found, Fault):
-            yield Result(name, about, BROKEN, found.name, found)
+            yield Result(name, about, FAILED, found.name, found)
             break
         yield Result(name, about, OK, found)
     for name, about, _ in checks:
-        yield Result(name, about, NOT_LOOKED_AT)
+        yield Result(name, about, SKIPPED)
 
 
 @dataclass(frozen=True)
@@ -1163,16 +1161,16 @@ class DoctorOptions:
     """
 
     json: bool = option(
-        "print JSON: whole, fault, sentence, cure, and links with name, state, about "
-        "and remark",
+        "print JSON: ok, fault, message, fix, and checks with name, state, about and "
+        "remark",
         False,
     )
     namespace: str = options.namespace()
     until: str = option(
-        f"last link to check: {', '.join(LINKS)}",
-        LINKS[-1],
-        choices=LINKS,
-        metavar="LINK",
+        f"last check to run: {', '.join(CHECK_NAMES)}",
+        CHECK_NAMES[-1],
+        choices=CHECK_NAMES,
+        metavar="CHECK",
     )
 
 
@@ -1186,24 +1184,26 @@ def main() -> None:
         MISUSE,
     )
     results = []
-    for result in run_checks(args.namespace, LINKS[: LINKS.index(args.until) + 1]):
+    for result in run_checks(
+        args.namespace, CHECK_NAMES[: CHECK_NAMES.index(args.until) + 1]
+    ):
         results.append(result)
         if not args.json:
             remark = f" ({result.remark})" if result.remark else ""
-            say(f"{result.state:13}  {result.name:15}  {result.about}{remark}")
+            say(f"{result.state:7}  {result.name:15}  {result.about}{remark}")
     fault = next((result.fault for result in results if result.fault), None)
     if args.json:
         keys = ("name", "state", "about", "remark")
         content = {
-            "whole": fault is None,
+            "ok": fault is None,
             "fault": fault and fault.name,
-            "sentence": fault and fault.sentence,
-            "cure": fault and fault.cure,
-            "links": [{key: getattr(r, key) for key in keys} for r in results],
+            "message": fault and fault.message,
+            "fix": fault and fault.fix,
+            "checks": [{key: getattr(r, key) for key in keys} for r in results],
         }
         say(json.dumps(content, indent=2))
     elif fault:
-        say(f"\ndoctor: {fault.sentence}\n        {fault.cure}")
+        say(f"\ndoctor: {fault.message}\n        {fault.fix}")
     else:
         say("\ndoctor: no fault found.")
-    sys.exit(FOUND if fault else WHOLE)
+    sys.exit(FOUND if fault else NO_FAULT)

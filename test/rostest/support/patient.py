@@ -11,7 +11,7 @@ import rosgraph
 import roslib.packages
 from diagnostic_msgs.msg import DiagnosticArray
 
-from g1_description.cli.doctor import BROKEN, LINKS, OK, run_checks
+from g1_description.cli.doctor import CHECK_NAMES, FAILED, OK, run_checks
 
 from .ros_testing import DEADLINE, Connected, program, wait_slowly
 
@@ -138,9 +138,9 @@ def walk(until="diagnostics", namespace=""):
     Returns:
         The fault, None if all is whole.
     """
-    names = LINKS[LINKS.index("master") : LINKS.index(until) + 1]
+    names = CHECK_NAMES[CHECK_NAMES.index("master") : CHECK_NAMES.index(until) + 1]
     found = list(run_checks(namespace, names))
-    broken = [one for one in found if one.state == BROKEN]
+    broken = [one for one in found if one.state == FAILED]
     assert len(broken) <= 1 and [one.name for one in found] == names
     if broken:
         before = found[: found.index(broken[0])]

@@ -1,4 +1,4 @@
-"""Each fault is made, the doctor names it alone, its cure works, /diagnostics agrees.
+"""Each fault is made, the doctor names it alone, its fix works, /diagnostics agrees.
 
 What it finds without a robot is tested in test/cli/test_doctor.py.
 """
@@ -86,24 +86,24 @@ def fault(name, *words, **options):
     found = walk(**options)
     assert found is not None and found.name == name, found
     for word in words:
-        assert word in found.sentence + found.cure
+        assert word in found.message + found.fix
     return found
 
 
-def cure(found):
+def fix(found):
     """Do what the doctor says."""
     subprocess.run(
-        found.cure, shell=True, check=True, timeout=DEADLINE, executable="/bin/bash"
+        found.fix, shell=True, check=True, timeout=DEADLINE, executable="/bin/bash"
     )
 
 
 def cure_until(found, until):
     """Do what the doctor says, where it goes on until it is ended."""
     process = subprocess.Popen(
-        found.cure, shell=True, start_new_session=True, executable="/bin/bash"
+        found.fix, shell=True, start_new_session=True, executable="/bin/bash"
     )
     try:
-        wait_slowly(lambda: walk(until) is None, "the cure to mend it")
+        wait_slowly(lambda: walk(until) is None, "the fix to mend it")
     finally:
         os.killpg(process.pid, signal.SIGINT)
         process.wait(DEADLINE)
@@ -140,9 +140,9 @@ def test_a_whole_chain_is_whole_and_the_bridge_says_the_same(patient, tmp_path):
     )
     told = json.loads(run.stdout)
     assert (run.returncode, run.stderr) == (0, "")
-    assert (told["whole"], told["fault"]) == (True, None)
-    assert {link["state"] for link in told["links"]} == {"ok"}
-    assert f"python3 on PATH ({other}" in told["links"][0]["remark"]
+    assert (told["ok"], told["fault"]) == (True, None)
+    assert {link["state"] for link in told["checks"]} == {"ok"}
+    assert f"python3 on PATH ({other}" in told["checks"][0]["remark"]
 
 
 def test_with_a_screen_something_has_to_show_the_robot(patient):
@@ -180,10 +180,10 @@ def test_a_stopped_node_and_a_dead_one_are_told_if_they_had_a_part(patient):
     start_silent("/other", "std_msgs/Empty").end(signal.SIGKILL)
     node = start_silent("/tf", "tf2_msgs/TFMessage")
     node.process.send_signal(signal.SIGSTOP)
-    cure(fault("hung_node", node.name))
+    fix(fault("hung_node", node.name))
     assert walk("nodes") is None
     node.end(signal.SIGKILL)
-    cure(fault("dead_node", node.name))
+    fix(fault("dead_node", node.name))
     assert walk("nodes") is None and publishers("/other") == []
 
 
@@ -197,7 +197,7 @@ def test_a_description_that_is_absent_broken_or_lacks_meshes(patient):
     with parameter(DESCRIPTION, text.replace("head_link.stl", "skull.stl")):
         fault("missing_meshes", "skull")
     with parameter(DESCRIPTION, None):
-        cure(fault("no_description", "robot_description"))
+        fix(fault("no_description", "robot_description"))
         assert walk() is None
 
 
@@ -216,7 +216,7 @@ def test_a_robot_that_is_absent_or_another_is_spawned_on_its_feet(patient):
     services.call("set_model_configuration", "g1_robot", "", *bent)
     services.close()
     wait_for_report(patient, True, "off their axes: left_knee_joint")
-    cure(fault("other_urdf", "left_knee_joint", DESCRIPTION))
+    fix(fault("other_urdf", "left_knee_joint", DESCRIPTION))
     assert walk() is None
     wait_for_report(patient, False)
     assert abs(state("g1_robot", "").pose.position.z - before) < 1e-6
@@ -266,7 +266,7 @@ def test_time_is_paused(patient):
     rospy.ServiceProxy("/gazebo/pause_physics", Empty)()
     found = fault("paused")
     wait_for_report(patient, False, "paused")
-    cure(found)
+    fix(found)
     assert walk("time") is None
 
 
@@ -303,8 +303,8 @@ def test_no_clock_no_link_states_a_simulator_that_hangs_and_none(patient):
     pid = process_of("/gazebo")
     os.kill(pid, signal.SIGSTOP)
     found = check_simulator(system)
-    assert found.name == "hung_simulator" and str(pid) in found.cure
-    cure(found)
+    assert found.name == "hung_simulator" and str(pid) in found.fix
+    fix(found)
     patient.wait_for_end("simulator")
     rosnode.cleanup_master_blacklist(rosgraph.Master("/test"), ["/gazebo"])
     found = fault("no_simulator", "/gazebo/set_model_configuration", "gazebo.launch")
