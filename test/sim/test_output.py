@@ -23,6 +23,20 @@ with Scene() as scene:
     scene.add(robot)
 """
 SPEAK = "import os; print('one', flush=True); os.system('echo two'); os.write(2, b'3')"
+BOTH = """
+import threading
+from g1_description.sim.bullet.client import connect
+def connect_often():
+    for _ in range(200):
+        connect().disconnect()
+thread = threading.Thread(target=connect_often)
+thread.start()
+count = 0
+while thread.is_alive():
+    print(count, flush=True)
+    count += 1
+print("all", count)
+"""
 CLOSED = "import os; os.close(1); os.close(2)\n"
 
 
@@ -42,6 +56,11 @@ def test_nothing_is_printed_of_itself_and_all_that_others_print(after):
     done = run(f"{before}\n{USE_ALL}\n{SPEAK}\n{after}")
     assert (done.returncode, done.stderr) == (0, "3")
     assert done.stdout == "zero\none\ntwo\n"
+
+
+def test_what_another_thread_prints_meanwhile_is_seen():
+    *lines, (_, count) = map(str.split, run(BOTH).stdout.splitlines())
+    assert lines == [[str(number)] for number in range(int(count))]
 
 
 def test_a_pybullet_that_is_broken_is_told():

@@ -179,6 +179,7 @@ def web(args: WebOptions) -> None:
                 robot, thresholds, collisions=collisions_of(robot, args.collisions)
             ),
             library,
+            motion_first=bool(motions),
         )
         for (file, motion), robot in zip(motions, world.robots):
             show.page.motion.open(file.name, robot, motion)

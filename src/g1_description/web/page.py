@@ -56,6 +56,7 @@ class Page:
         make_checker: MakeChecker,
         read_only: bool = False,
         library: Library | None = None,
+        motion_first: bool = False,
     ) -> None:
         """Build the page.
 
@@ -65,6 +66,7 @@ class Page:
             make_checker: Creates the checker of a robot.
             read_only: Whether the page has no controls.
             library: Motions to look through; None: none.
+            motion_first: Whether the tab of the motion is the first, which is open.
         """
         self._server, self._world = server, world
         self.ui = UiLoop(server, world.changed)
@@ -83,9 +85,9 @@ class Page:
         self._read_only = read_only
         self._library = library
         self._found: dict[ShownRobot, Verdict] = {}
-        self._add_panels()
+        self._add_panels(motion_first)
 
-    def _add_panels(self) -> None:
+    def _add_panels(self, motion_first: bool) -> None:
         """Add all panels."""
         gui = self._server.gui
         gui.set_panel_label(self._world.robots[0].description.name)
@@ -104,24 +106,32 @@ class Page:
         tabs = gui.add_tab_group()
         if library is not None:
             folder = tabs.add_tab("Folder")
+        if motion_first:
+            self._add_motion(tabs)
         if not self._read_only and self._world.can_move:
             for shown in self._shown:
                 title = shown.robot.name if len(self._shown) > 1 else "Robot"
                 with tabs.add_tab(title):
                     self._add_controls(shown)
-        with tabs.add_tab("Motion" if self._world.can_move else "Checks"):
-            self.motion = MotionPanel(
-                gui, self.ui, self._world, self._checks, self._read_only
-            )
-            self._now = gui.add_markdown("")
+        if not motion_first:
+            self._add_motion(tabs)
         self._view: ViewPanel | None = None
         self._plots: PlotPanel | None = None
-        self.motion.opened = self._on_opened
         if library is not None and folder is not None:
             with folder:
                 library.add_list(self.motion)
         if not self._read_only:
             self._add_looks(tabs)
+
+    def _add_motion(self, tabs: GuiTabGroupHandle) -> None:
+        """Add the tab of the motion, and of what is found."""
+        gui = self._server.gui
+        with tabs.add_tab("Motion" if self._world.can_move else "Checks"):
+            self.motion = MotionPanel(
+                gui, self.ui, self._world, self._checks, self._read_only
+            )
+            self._now = gui.add_markdown("")
+        self.motion.opened = self._on_opened
 
     def _add_looks(self, tabs: GuiTabGroupHandle) -> None:
         """Add the tabs View and Plots."""

@@ -31,6 +31,7 @@ class Show:
         options: ServerOptions,
         make_checker: MakeChecker,
         library: Library | None = None,
+        motion_first: bool = False,
     ) -> None:
         """Open the page.
 
@@ -39,6 +40,7 @@ class Show:
             options: Who may come in, and where.
             make_checker: Prepares the checks of a robot.
             library: Motions to look through; None: none.
+            motion_first: Whether the page opens with the tab of the motion.
 
         Raises:
             PageServerError: If the page cannot be opened.
@@ -53,7 +55,12 @@ class Show:
             },
         )
         self.page = Page(
-            self._server.viser, world, make_checker, options.read_only, library
+            self._server.viser,
+            world,
+            make_checker,
+            options.read_only,
+            library,
+            motion_first,
         )
         self.page.watched = lambda: self._server.browsers
 
