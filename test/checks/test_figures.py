@@ -33,6 +33,7 @@ def test_a_way_there_and_back(post):
     assert figures["root_path"] == pytest.approx(np.pi, rel=1e-4)
     assert figures["root_speed.max"] == pytest.approx(np.pi / 4.0, rel=1e-4)
     assert figures["joint_speed.max"] == 0.0
+    assert figures["largest_drift"] == pytest.approx(1.0, rel=1e-3)
     assert figures["energy"] == pytest.approx(0.0, abs=0.05)
     assert figures["contact_share"] == 1.0
 

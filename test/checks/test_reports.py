@@ -63,7 +63,7 @@ def verdicts(draw):
         sorted_findings(found),
         tuple(sorted(checked)),
         skipped,
-        draw(st.dictionaries(st.sampled_from(FIGURES), NUMBERS)),
+        draw(st.dictionaries(st.sampled_from(list(FIGURES)), NUMBERS)),
         draw(st.dictionaries(WORDS, INTERVALS, max_size=2)),
         draw(st.lists(WORDS, max_size=2).map(tuple)),
     )
@@ -125,7 +125,7 @@ def test_csv_has_a_row_for_each_file(outcomes):
 HEADS = "file,result,failed,warnings,first_time,problem,excluded_by,picture,"
 HEADS += "duration,samples,"
 HEADS += "samples_beyond_limits,root_path,root_speed.max,joint_speed.max,"
-HEADS += "contact_share,energy,deepest_self_collision,"
+HEADS += "contact_share,largest_drift,energy,deepest_self_collision,"
 HEADS += "lowest_height,least_center_margin,least_zmp_margin,fall_time,"
 HEADS += "rms_tracking_error,largest_tracking_error,"
 
@@ -212,14 +212,15 @@ BODY = """
 <th>contact</th><th>energy [J]</th><th>checks that failed; excluded by</th></tr>
 <tr><td><a href="#file0">&lt;b&gt;\\udcff</a></td>\
 <td><span class="result failed">failed</span></td><td>1</td><td>1</td>\
-<td>1.250 s</td><td>3</td><td></td><td></td><td></td><td></td><td></td>\
+<td>1.250 s</td><td>3</td><td></td><td></td><td></td><td>0.5</td><td></td>\
 <td>position; energy &gt; 9</td></tr>
 <tr><td><a href="#file1">&amp;.csv</a></td>\
 <td><span class="result not">not read</span></td><td></td><td></td><td></td>\
 <td></td><td></td><td></td><td></td><td></td><td></td><td>1 &lt; 2.</td></tr>
 </table>
 <h2 id="file0">&lt;b&gt;\\udcff <span class="result failed">failed</span></h2>
-<p class="about">&lt;r&gt;: duration 3, least zmp margin 0.1235</p>
+<p class="about">&lt;r&gt;: length 3 s, time in contact with the floor 50 %, \
+least margin of the zero-moment point 0.1235 m</p>
 <table>
 <tr><th></th><th>check</th><th>finding</th><th>first at</th><th>share of time</th></tr>
 <tr><td><span class="result failed">failed</span></td><td>position</td>\
@@ -242,7 +243,7 @@ def test_the_page_says_what_was_found_and_names_are_text(tmp_path):
         (finding(text="<i> is far"), replace(fall, cause=1)),
         ("position", "fall"),
         {"jerk": "a & b"},
-        {"duration": 3.0, "least_zmp_margin": 0.12346},
+        {"duration": 3.0, "contact_share": 0.5, "least_zmp_margin": 0.12346},
         notes=("1 > 0",),
         excluded_by=("energy > 9",),
     )

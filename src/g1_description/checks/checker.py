@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 
 from g1_description.checks.causes import with_causes
+from g1_description.checks.ground_contacts import drifts
 from g1_description.checks.intervals import intervals, time_share
 from g1_description.checks.measured import CheckedRobot, Measured, measure
 from g1_description.checks.rule import Rule
 from g1_description.checks.rules import RULES
+from g1_description.checks.rules.ground import slides
 from g1_description.checks.rules.jumps import near_jumps
 from g1_description.checks.rules.limits import check_bounds, zero_limits
 from g1_description.checks.rules.physics import physics_figures, physics_summary
@@ -213,6 +215,11 @@ def _figures(measured: Measured) -> dict[str, float]:
     if measured.in_contact is not None:
         any_link = measured.in_contact.any(axis=1)
         found["contact_share"] = time_share(measured.times, any_link)
+    if measured.ground is not None and len(measured.times) > 1:
+        moves, touches = measured.ground.moves, ~np.isnan(measured.once(slides))
+        if touches.any():
+            distances = drifts(moves, touches, measured.times)
+            found["largest_drift"] = float(np.nanmax(distances))
     if measured.contacts is not None:
         found["deepest_self_collision"] = float(measured.depth.max())
     if measured.heights is not None:

@@ -211,6 +211,10 @@ def findings_panel(axes: Axes, verdict: Verdict, times: np.ndarray) -> None:
     axes.set_axisbelow(True)
 
 
+SLIDING = ("skating", "drift")
+"""Checks whose findings are drawn over the contacts."""
+
+
 def contacts_panel(axes: Axes, measured: Measured, verdict: Verdict) -> None:
     """Draw when links are in contact with the floor."""
     times = measured.times
@@ -219,7 +223,7 @@ def contacts_panel(axes: Axes, measured: Measured, verdict: Verdict) -> None:
         spans = bars(verdict.bearing[link], times)
         axes.broken_barh(spans, (row - 0.3, 0.6), color=GREEN, linewidth=0.0)
         for finding in verdict.findings:
-            if finding.subject == (link,) and finding.check == "skating":
+            if finding.subject == (link,) and finding.check in SLIDING:
                 spans = bars(finding.intervals, times)
                 color = COLORS[finding.severity]
                 axes.broken_barh(spans, (row - 0.45, 0.9), color=color, linewidth=0.0)
@@ -237,7 +241,7 @@ def heights_panel(axes: Axes, measured: Measured, verdict: Verdict) -> None:
         x, y = thinned(measured.times, np.where(np.isfinite(heights), heights, np.nan))
         axes.plot(x, y, color=colors[number], lw=1.0, label=link.replace("_link", ""))
     axes.axhline(0.0, color="black", lw=0.6)
-    axes.set_ylim(*_range(axes, -0.02, 0.3))
+    axes.set_ylim(*_range(axes, -0.02, 0.3, span=0.02))
     if verdict.bearing:
         _line_legend(axes)
 
@@ -253,7 +257,7 @@ def margins_panel(axes: Axes, measured: Measured) -> None:
         x, y = thinned(measured.times, margin)
         axes.plot(x, y, color=color, lw=width, label=label)
     axes.axhline(0.0, color="black", lw=0.6)
-    axes.set_ylim(*_range(axes, -0.4, 0.15))
+    axes.set_ylim(*_range(axes, -0.4, 0.15, span=0.05))
     _line_legend(axes)
 
 
@@ -283,7 +287,8 @@ def _line_legend(axes: Axes) -> None:
     )
 
 
-def _range(axes: Axes, least: float, most: float) -> tuple[float, float]:
-    """Limit the y axis: one outlier would flatten the rest."""
+def _range(axes: Axes, least: float, most: float, span: float) -> tuple[float, float]:
+    """Limit the y axis: outliers would flatten the rest, noise would fill the panel."""
     low, high = axes.get_ylim()
-    return max(low, least), min(high, most)
+    more = max(0.0, (span - (high - low)) / 2.0)
+    return max(low - more, least), min(high + more, most)

@@ -16,7 +16,7 @@ from g1_description.checks.report import (
     skipped_text,
     summary_text,
 )
-from g1_description.checks.verdict import Verdict
+from g1_description.checks.verdict import Verdict, figure_text
 
 STYLE = """
 body { font: 15px/1.45 system-ui, sans-serif; color: #222; margin: 2em auto;
@@ -171,10 +171,7 @@ def _image(file: Path, text: str) -> str:
 
 def _verdict(verdict: Verdict) -> Iterator[str]:
     """Write a verdict."""
-    figures = ", ".join(
-        f"{name.replace('_', ' ')} {round(value, 6):.4g}"
-        for name, value in verdict.figures.items()
-    )
+    figures = ", ".join(figure_text(*figure) for figure in verdict.figures.items())
     yield f'<p class="about">{escape(verdict.robot)}: {escape(figures)}</p>\n'
     if verdict.findings:
         yield f"<table>\n{_row('th', HEAD)}"

@@ -10,24 +10,34 @@ from g1_description.checks.measured import Measured
 
 FAILED, WARNING, PASSED = "failed", "warning", "passed"
 
-FIGURES = (
-    "duration",
-    "samples",
-    "samples_beyond_limits",
-    "root_path",
-    "root_speed.max",
-    "joint_speed.max",
-    "contact_share",
-    "energy",
-    "deepest_self_collision",
-    "lowest_height",
-    "least_center_margin",
-    "least_zmp_margin",
-    "fall_time",
-    "rms_tracking_error",
-    "largest_tracking_error",
-)
-"""Names of the figures of a motion, in the order of reports."""
+FIGURES = {
+    "duration": ("length", "s"),
+    "samples": ("samples", ""),
+    "samples_beyond_limits": ("samples beyond a limit", ""),
+    "root_path": ("path of the base", "m"),
+    "root_speed.max": ("fastest base", "m/s"),
+    "joint_speed.max": ("fastest joint", "rad/s"),
+    "contact_share": ("time in contact with the floor", "%"),
+    "largest_drift": ("largest slip in a contact", "m"),
+    "energy": ("energy", "J"),
+    "deepest_self_collision": ("deepest self-collision", "m"),
+    "lowest_height": ("lowest point", "m"),
+    "least_center_margin": ("least margin of the centre of mass", "m"),
+    "least_zmp_margin": ("least margin of the zero-moment point", "m"),
+    "fall_time": ("fall at", "s"),
+    "rms_tracking_error": ("tracking error, rms", "rad"),
+    "largest_tracking_error": ("largest tracking error", "rad"),
+}
+"""The figures of a motion, in the order of reports: by name, a description and the
+unit. A share is a fraction of 1, and shown in per cent."""
+
+
+def figure_text(name: str, value: float) -> str:
+    """Describe a figure, as "path of the base 1.2 m"."""
+    about, unit = FIGURES[name]
+    scale = 100.0 if unit == "%" else 1.0
+    return f"{about} {round(scale * value, 6):.4g} {unit}".rstrip()
+
 
 NOTES, WORST = "notes", ".worst"
 """Further names in rules: of the number of notes, and the ending of ``CHECK.worst``,
