@@ -8,10 +8,12 @@ from conftest import PROFILE, REPOSITORY, VENDOR
 
 from g1_description.api import Robot
 from g1_description.errors import DescriptionError, ProfileError, UnknownNameError
+from g1_description.gazebo.start import figures
 from g1_description.motion.files.conventions import G1_JOINTS
 from g1_description.motion.motors import Motor, motors_of
 from g1_description.robot.description import Joint
 from g1_description.robot.load import read_description
+from g1_description.robot.lumping import lump_fixed_joints
 from g1_description.robot.poses import check_pose, fits, read_poses
 from g1_description.robot.profile import Profile, find_profile, is_profile
 from g1_description.robot.urdf import parse_urdf
@@ -51,6 +53,7 @@ def test_the_g1_has_all_that_a_profile_may_have():
     profile = G1.profile
     assert profile.name == "g1_29dof"
     assert set(profile.links.values()) <= {*G1.link_names}
+    assert figures(lump_fixed_joints(G1, is_dynamic=False), "hold").endswith("g1_29dof")
     poses = read_poses(G1)
     assert profile.standing_pose in poses
     for pose in poses.values():
@@ -110,7 +113,10 @@ def test_a_profile_elsewhere_is_that_of_the_robot_it_names(tmp_path, home):
     (tmp_path / "it" / "robot.yaml").write_text(text)
     robot = Robot(tmp_path / "it")
     assert robot.link_names == ("trunk",)
-    assert robot.profile.links == {"left_foot": "trunk"}  # it has no nose
+    assert robot.profile.links == {"left_foot": "trunk"}
+    assert robot.profile.missing_links == {"head": "nose"}
+    told = figures(lump_fixed_joints(robot.description, is_dynamic=False), "hold")
+    assert told.endswith(", whose links head: nose the robot does not have")
     assert parse_urdf('<robot name="r"><link name="a"/></robot>').profile == Profile()
 
 

@@ -118,7 +118,7 @@ class TestPlay(unittest.TestCase):
         motion.joint_trajectory = JointTrajectory(joint_names=[ELBOW], points=[point])
         self.assertTrue(other(motion).success)
         self.assertEqual(playing.end(), 1)
-        words = f"not at its last sample: {ELBOW} at 0.3 instead of 0.8"
+        words = f"not at its last sample: {ELBOW} at 0.3 instead of 0.8 rad"
         self.assertIn(words, playing.text)
 
     def test_space_pauses_and_arrows_step(self):
@@ -190,7 +190,8 @@ class TestPlay(unittest.TestCase):
             ),
             (
                 (self.file, "--start-here", "--base-frame", "right/base_link"),
-                "no transform from frame 'right/base_link'",
+                "no transform from frame 'right/base_link': nothing publishes it on "
+                "/tf (did you mean base_link?)",
             ),
             (
                 (arms, "--on-floor"),

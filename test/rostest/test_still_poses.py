@@ -107,6 +107,6 @@ class TestStillPoses(unittest.TestCase):
             self.assertEqual(len(own), 1, errors)
             if space == "silent":
                 self.assertIn(quiet, errors)
-        self.assertIn("left_knee_joint at 0 instead of 2.35", done[1][1])
+        self.assertIn("left_knee_joint at 0 instead of 2.35 rad", done[1][1])
         self.assertIn("; simulated time stands still.", done[1][1])
         self.assertIn("Nothing subscribes to /nobody/joint_commands", done[2][1])

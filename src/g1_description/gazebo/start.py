@@ -24,6 +24,7 @@ from g1_description.ros.parameters import private_parameters
 from g1_description.sdf.world import EMPTY_WORLD, Sdf, read_sdf
 from g1_description.sim.engine import GRAVITY
 from g1_description.sim.world import World
+from g1_description.text import listed
 
 LAUNCH_TIME = 1.0
 """A node that was started at most this long before the simulator, in [s], belongs to
@@ -167,4 +168,9 @@ def figures(assembly: Assembly, physics: str) -> str:
     mass = "" if robot.mass is None else f" {robot.mass:.3f} kg,"
     joints, links = len(robot.movable_joints), len(assembly.link_names)
     profile = f"profile {robot.profile.name}" if robot.profile.name else "no profile"
+    # Lumped links are not missing: those of the whole robot count.
+    missing = (robot.given_profile or robot.profile).missing_links
+    if missing:
+        names = (f"{role}: {link}" for role, link in missing.items())
+        profile += f", whose links {listed(names)} the robot does not have"
     return f"{joints} joints, {links} links,{mass} {physics}, {profile}"

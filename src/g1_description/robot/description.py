@@ -173,7 +173,10 @@ class Description:
         found = self.given_profile or profile_of(self.name, names)
         own = {*self.link_names}
         links = {role: link for role, link in found.links.items() if link in own}
-        return replace(found, links=links)
+        missing = {role: link for role, link in found.links.items() if link not in own}
+        return replace(
+            found, links=links, missing_links={**found.missing_links, **missing}
+        )
 
     @property
     def movable_joints(self) -> tuple[Joint, ...]:

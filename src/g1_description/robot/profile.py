@@ -62,6 +62,9 @@ class Profile:
     collisions: Path | None = None
     """File of its allowed collisions; None: they have to be found."""
 
+    missing_links: Mapping[str, str] = field(default_factory=dict)
+    """Those that the robot does not have, by their role."""
+
     def fits(self, robot: str, joints: Collection[str]) -> bool:
         """Return whether it is that of a robot.
 
@@ -162,7 +165,9 @@ def _read(folder: Path, above: tuple[Path, ...] = ()) -> Profile:
             model=_model(content, folder),
             standing_pose=_text(content, "standing_pose") or base.standing_pose,
             links={**base.links, **_links(content)},
-            **{part: _part(content, part, folder, base) for part in PARTS},
+            poses=_part(content, "poses", folder, base),
+            motors=_part(content, "motors", folder, base),
+            collisions=_part(content, "collisions", folder, base),
         )
     except OSError as error:
         raise ProfileError(f"{file} cannot be read: {error.strerror}.") from error

@@ -11,9 +11,11 @@ import rospy
 import tf2_ros
 
 from g1_description.errors import MotionError
+from g1_description.files.yaml import parse_yaml
 from g1_description.robot.transform import compose
 from g1_description.ros.conversions import vector_to_array
 from g1_description.ros.waiting import BUFFER
+from g1_description.text import similar
 
 FIRST_TIMEOUT = 2.0
 """Longest wait for a frame by a new listener, in [s] of wall time."""
@@ -74,11 +76,20 @@ class MapFrame:
                 return self._look_up(frame, stamp)
             except tf2_ros.TransformException as error:
                 if time.monotonic() > deadline:
-                    raise MotionError(
-                        f"no transform from frame {frame!r}: {error}"
-                    ) from None
+                    raise MotionError(self._reason(frame, error)) from None
                 # tf2 itself waits in simulated time, which may stand still.
                 threading.Event().wait(POLL_PERIOD)
+
+    def _reason(self, frame: str, error: tf2_ros.TransformException) -> str:
+        """Describe why a lookup failed; suggest a name if there is no such frame."""
+        assert self._buffer is not None
+        edges = parse_yaml(self._buffer.all_frames_as_yaml().encode())
+        known = {*edges, *(edge["parent"] for edge in edges.values())}
+        if frame in known:
+            return f"no transform from frame {frame!r} to {self._names[0]!r}: {error}"
+        near = similar(frame, known)
+        hint = f" (did you mean {near[0]}?)" if near else ""
+        return f"no transform from frame {frame!r}: nothing publishes it on /tf{hint}"
 
     def _look_up(self, frame: str, stamp: rospy.Time) -> np.ndarray:
         """Return a frame's pose in the map, shape (7,); the newest for a future stamp.

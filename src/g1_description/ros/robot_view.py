@@ -74,7 +74,10 @@ class RobotView:
         self.motions = MotionClient(service)
         self._set_anchor = rospy.ServiceProxy(f"{self._prefix}set_anchor", SetAnchor)
         self._anchor_before: str | None = None
-        self._joints = {joint.name for joint in self.description.movable_joints}
+        self._units = {
+            joint.name: "m" if joint.kind == "prismatic" else "rad"
+            for joint in self.description.movable_joints
+        }
         self._notify = notify
         self._state: RobotState | None = None
         self._positions: dict[str, float] = {}
@@ -100,7 +103,7 @@ class RobotView:
         if state.stamp != self._stamp:
             self._stamp, self._advanced = state.stamp, self._heard
         for name, position in state.positions_by_name.items():
-            if name in self._joints and math.isfinite(position):
+            if name in self._units and math.isfinite(position):
                 self._positions[name] = position
 
     @property
@@ -143,7 +146,7 @@ class RobotView:
         state = self.state
         shown = state.positions_by_name if state else {}
         return [
-            f"{name} at {shown[name]:g} instead of {position:g}"
+            f"{name} at {shown[name]:g} instead of {position:g} {self._units[name]}"
             if name in shown
             else f"no {name}"
             for name, position in goal.items()
