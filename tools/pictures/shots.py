@@ -14,6 +14,8 @@ from PIL import Image
 from support.browser import Browser
 from support.browser_page import Page
 
+from .rviz import rviz_views
+
 SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
 WEB = SCRIPTS / "web"
 
@@ -121,6 +123,7 @@ def take(browser: Browser, shot: Shot, folder: Path, file: Path) -> None:
         folder: Where the motions are.
         file: Where the picture goes.
     """
+    views = rviz_views(folder / shot.options[-1], shot.times) if shot.times else []
     with _served(shot.options, folder) as address:
         page = browser.open(f"{address}?fixedDpr=1", phone=shot.phone)
         page.still(TIMEOUT)
@@ -131,7 +134,7 @@ def take(browser: Browser, shot: Shot, folder: Path, file: Path) -> None:
         page.raw.mouse.move(1, 1)
         page.still(TIMEOUT)
         if shot.times:
-            _animate(page, shot.times, file)
+            _animate(page, shot.times, views, file)
             page.close()
             return
         pictures = [page.picture()]
@@ -141,14 +144,21 @@ def take(browser: Browser, shot: Shot, folder: Path, file: Path) -> None:
     _rounded(_beside(pictures)).save(file, optimize=True)
 
 
-def _animate(page: Page, times: Sequence[float], file: Path) -> None:
-    """Write an animation of the page at half its size."""
+def _animate(
+    page: Page, times: Sequence[float], views: Sequence[np.ndarray], file: Path
+) -> None:
+    """Write an animation of the page at half its size, with RViz beside it."""
     frames = []
-    for time in times:
+    for time, view in zip(times, views):
         page.slider("Time").type(round(float(time), 3))
         page.still(TIMEOUT)
         picture = Image.fromarray(page.picture())
-        frames.append(picture.resize((picture.width // 2, picture.height // 2)))
+        half = picture.resize((picture.width // 2, picture.height // 2))
+        beside, height = Image.fromarray(view), half.height
+        beside = beside.resize((height * beside.width // beside.height, height))
+        frames.append(Image.new("RGB", (half.width + 2 + beside.width, height)))
+        frames[-1].paste(half, (0, 0))
+        frames[-1].paste(beside, (half.width + 2, 0))
     colors = frames[0].quantize(128)
     first, *others = [frame.quantize(palette=colors, dither=0) for frame in frames]
     first.save(file, save_all=True, append_images=others, duration=100, loop=0)
