@@ -443,7 +443,7 @@ def test_a_robot_that_stands_in_both_orders_is_told_of(g1, file):
     """Upright along x: in the other order it faces backward."""
     row = ",".join(["0", "0", "0.8", "0", "0", "0", "1", *["0"] * 29])
     (note,) = read_motion(file(row), g1, 30.0).notes
-    assert note.endswith("feet are flat in w x y z, too; --order tells for certain.")
+    assert note.endswith("feet are flat in w x y z, too; set --order to be certain.")
     for order, yaw in (("xyzw", 0.0), ("wxyz", np.pi)):
         motion = read_motion(file(row), g1, 30.0, order=order)
         turn = Rotation.from_quat(motion.base_poses[0, 3:])

@@ -179,7 +179,7 @@ class CheckOptions:
         shown="found",
     )
     watch: bool = option(
-        "check again whenever a file changes, until Ctrl-C; start-up is paid once",
+        "check again whenever a file changes, until Ctrl-C; faster than starting again",
         False,
     )
     quiet: bool = option("print only the last line, with the counts", False)

@@ -218,7 +218,7 @@ class Retime(Edit):
     """Play motions faster or slower."""
 
     speed: float | None = option(
-        "seconds of the motion in a second", None, positive(1e6)
+        "playback speed, such as 0.5 for half as fast", None, positive(1e6)
     )
     duration: float | None = option("new duration [s]", None, positive(1e6))
     fastest: bool = option("as fast as the velocity limits of the joints allow", False)

@@ -311,7 +311,7 @@ def save(args: PoseOptions) -> None:
     if args.save in known and not args.force:
         raise PoseFileError(
             f"The pose '{args.save}' already exists in {known[args.save].place}. Use "
-            "--force to override it."
+            "--force to overwrite it."
         )
     joints = robot.description.movable_joints
     rounded = {

@@ -38,7 +38,7 @@ def first_profile(robot: ImportedRobot) -> dict[str, bytes]:
     """
     name = str(robot.root.get("name") or PurePath(robot.name).stem)
     lines = [
-        f"# The profile of {name}; docs/robots.md tells what the keys mean.",
+        f"# The profile of {name}; docs/robots.md explains the keys.",
         "",
         f"names: [{_scalar(name)}]",
         f"model: {_scalar(robot.name)}",

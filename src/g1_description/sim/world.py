@@ -229,7 +229,7 @@ class World:
         self.models[name] = model
         self._forget_names()
         if assembly.left_out and not model.link_names:
-            left_out += ("nothing is left of the model",)
+            left_out += ("no part of the model can be simulated",)
         if self.is_dynamic and not assembly.static:
             left_out += impossible_inertias(assembly.description.links)
         return assembly.left_out + left_out

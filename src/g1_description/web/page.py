@@ -151,7 +151,7 @@ class Page:
     def _add_arrangement(self) -> None:
         """Add the switch between robots next to each other and overlaid."""
         box = self._server.gui.add_checkbox(
-            "Over each other", False, hint="instead of side by side"
+            "Overlay", False, hint="draw all robots at the same place"
         )
         others = self._shown[1:]
 

@@ -93,7 +93,7 @@ W_FIRST = "Base quaternions are read as w x y z: only then are the feet flat."
 
 EITHER = (
     "Base quaternions are read as x y z w, though the feet are flat in w x y z, too; "
-    "--order tells for certain."
+    "set --order to be certain."
 )
 
 UNKNOWN_QUATERNION = (
