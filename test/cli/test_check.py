@@ -5,6 +5,7 @@ import csv
 import io
 import json
 import os
+import re
 import signal
 import sys
 from pathlib import Path
@@ -410,6 +411,19 @@ def test_the_page_shows_the_robot_at_its_worst(folder):
         pixels = np.asarray(Image.open(io.BytesIO(data)).convert("RGB"), int)
         assert pixels.shape[1::-1] == SIZE
         assert (pixels[..., 0] - pixels[..., 1:].max(axis=-1) > 60).sum() > 500  # red
+
+
+def test_the_terminal_shows_the_robot_at_its_worst(folder, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "90")
+    (folder / "post.urdf").write_text(POST.replace("</link>", f"{BOX}</link>", 1))
+    (file,) = write_motions(folder, FAILS)
+    assert run(file, "--pictures") == 1
+    table, *rest = capsys.readouterr().out.split("\n\n")
+    n_causes = len(table.splitlines()) - 4  # the file, the head, what is skipped
+    assert sum(part.count(" at 0.") + part.count(" at 1.") for part in rest) == n_causes
+    colors = re.findall(r"38;2;(\d+);(\d+);(\d+);48", "".join(rest))
+    is_red = [int(r) - max(int(g), int(b)) > 60 for r, g, b in colors]
+    assert sum(is_red) > 20 * n_causes
 
 
 def is_running(group):
