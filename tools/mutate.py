@@ -227,8 +227,8 @@ def judge(mutant, free, data, seconds):
     code = run(clone, script, limit, PYTHONDONTWRITEBYTECODE="1")
     file.write_bytes(old)
     free.put(clone)
-    # Others say that tests could not run: with a map that is older, some are gone.
-    verdict = {None: "timeout", 1: "killed"}.get(code, "SURVIVED")
+    # Others than 1 say that tests could not even be imported.
+    verdict = {None: "timeout", 0: "SURVIVED"}.get(code, "killed")
     text = f"{verdict:8} {mutant.file}:{mutant.line} "
     text += f"({', '.join([f'{len(tests)} tests', *rostests])})"
     number = old.count(b"\n", 0, mutant.begin)

@@ -510,3 +510,32 @@ def test_a_robot_without_joints_is_shown():
     show = Show(world, ServerOptions(port=0), lambda robot: Checker(robot, None))
     show.stop()
     show.run()
+
+
+LINKS = ("trunk", "trunk/left_arm", "trunk/right_arm")
+SWITCHES = {
+    "Visual shapes": {f"/map/robots/arms/{link}/visual_0" for link in LINKS},
+    "Collision shapes": {f"/map/robots/arms/{link}/collision_0" for link in LINKS},
+    "Frames": {f"/map/robots/arms/{link} axes" for link in LINKS},
+    "Names of links": {f"/map/robots/arms/{link}/name" for link in LINKS},
+    "Floor": {"/floor"},
+    "Axes of the map": {"/map/axes"},
+}
+
+
+def looks(client):
+    """List the nodes that are visible, and whose axes are."""
+    nodes = list(client.nodes.items())
+    shown = {name for name, node in nodes if node.get("visible", True)}
+    axes = {f"{name} axes" for name, node in nodes if node.get("show_axes")}
+    return shown | {name for name in axes if name != "/map/axes axes"}
+
+
+@pytest.mark.parametrize("label", SWITCHES)
+def test_a_switch_shows_and_hides_what_it_names(page, label):
+    one = page.client()
+    is_on, before = one.value(label), looks(one)
+    for on in (not is_on, is_on):
+        one.set(label, on)
+        wanted = before if on == is_on else before ^ SWITCHES[label]
+        one.wait_for(lambda w=wanted: looks(one) == w, label)
