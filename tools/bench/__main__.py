@@ -32,6 +32,7 @@ from tf2_msgs.msg import TFMessage
 
 from g1_description import Robot
 
+from .folder import folder
 from .graph import (
     FAILURES,
     OWN_MODEL,
@@ -105,11 +106,12 @@ class Figure:
 class Bench:
     """A run: what is measured, how long, and the figures."""
 
-    def __init__(self, model, quick):
+    def __init__(self, model, quick, files=0):
         """Begin; ``quick`` makes everything short."""
-        self.model, self.quick, self.part = model, quick, ""
+        self.model, self.quick, self.part, self.files = model, quick, "", files
         self.figures, self.left_out = [], []
         self.command = f"tools/benchmark{' --quick' if quick else ''}"
+        self.command += f" --files {files}" if files else ""
         self.robot = Robot(model)
         self.load = os.getloadavg()[0]
         self._start = time.monotonic()
@@ -722,7 +724,7 @@ def is_open(port):
 
 PARTS = {
     part.__name__: part
-    for part in (start, display, latency, bridge, foot, checks, page)
+    for part in (start, display, latency, bridge, foot, checks, folder, page)
 }
 
 
@@ -817,6 +819,7 @@ def main():
     parser = argparse.ArgumentParser(prog="tools/benchmark")
     parser.add_argument("--only", type=parts_of, metavar="PART[,PART]")
     parser.add_argument("--quick", action="store_true")
+    parser.add_argument("--files", type=int, default=0, metavar="N")
     parser.add_argument("--model", type=Path, metavar="FILE", default=OWN_MODEL)
     parser.add_argument("--json", type=Path, metavar="FILE")
     parser.add_argument("--page", type=Path, metavar="FILE")
@@ -824,7 +827,7 @@ def main():
     if not given.model.is_file():
         parser.error(f"there is no model {given.model}")
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    bench = Bench(given.model.resolve(), given.quick)
+    bench = Bench(given.model.resolve(), given.quick, given.files)
     try:
         for name in given.only or PARTS:
             bench.part = name
