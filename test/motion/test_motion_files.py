@@ -529,11 +529,11 @@ def test_what_is_no_motion_is_told_in_a_sentence_and_at_once(g1, file, case):
 @pytest.mark.parametrize(
     ("name", "words"),
     [
-        ("n.npz", "Not a valid npz file"),
-        ("n.NPZ", "Not a valid npz file"),
-        ("n.pkl", "Not a valid pickle"),
-        ("n.pickle", "Not a valid pickle"),
-        ("n.bag", "Not a valid rosbag"),
+        ("n.npz", "Not a valid npz file\\."),
+        ("n.NPZ", "Not a valid npz file\\."),
+        ("n.pkl", "Not a valid pickle\\."),
+        ("n.pickle", "Not a valid pickle\\."),
+        ("n.bag", "Not a valid rosbag\\."),
         ("n.yaml", "Not a JointTrajectory: expected keys"),
     ],
 )

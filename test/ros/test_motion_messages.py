@@ -139,6 +139,13 @@ def test_a_base_elsewhere_than_in_the_map_is_told():
         ROBOT.from_message(message)
 
 
+def test_a_point_without_a_pose_of_the_base_is_named():
+    message = ROBOT.trajectory_message(ROBOT.read_motion("squat.csv"))
+    message.multi_dof_joint_trajectory.points[4].transforms = []
+    with pytest.raises(MotionError, match="Point 5 of the base must have 1 transform"):
+        ROBOT.from_message(message)
+
+
 @pytest.mark.parametrize(
     ("positions", "base", "kind", "words"),
     [
