@@ -105,7 +105,7 @@ def test_without_a_terminal_there_are_no_keys():
 class Bridge:
     """Notes what it is asked; may do something before it answers."""
 
-    resolved_name = "/play_motion"
+    resolved_name, answer = "/play_motion", ""
 
     def __init__(self, robot):
         self.calls, self.meanwhile, self._robot = [], lambda: None, robot
@@ -123,7 +123,7 @@ class Bridge:
             )
             self.meanwhile()
         start = rospy.Time(nsecs=self._robot.now_ns)
-        return PlayMotionResponse(True, "", start)
+        return PlayMotionResponse(True, self.answer, start)
 
 
 class Robot:
@@ -205,6 +205,16 @@ def test_a_robot_at_its_end_is_not_stopped(robot, session):
     assert session.is_over
     assert not robot.motions.leave()
     assert robot.bridge.calls == ["play"]
+
+
+def test_what_the_bridge_changed_is_told_once(robot, session, capsys):
+    session.start()
+    assert capsys.readouterr().out == ""
+    robot.bridge.answer = "clamped"
+    for _ in range(2):
+        session.toggle()
+        session.toggle()
+    assert capsys.readouterr().out == "clamped.\n"
 
 
 def test_each_end_has_its_rest(robot, session, monkeypatch):
