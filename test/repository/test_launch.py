@@ -7,6 +7,7 @@ runs here as well; what it learns from the command line of roslaunch is given to
 import io
 import os
 import shutil
+import socket
 import subprocess
 import sys
 import threading
@@ -288,6 +289,20 @@ def test_a_node_that_runs_is_not_launched_again(
         return
     with pytest.raises(InvalidValueError, match=f"node {runs} is already running at"):
         launched_robot._check_for_node(node, words)
+
+
+def test_a_master_that_is_silent_holds_nothing_up(monkeypatch):
+    words = ["/usr/bin/python3", "/usr/bin/roslaunch", "g1_description", "web.launch"]
+    monkeypatch.setattr(launched_robot, "TIMEOUT", 0.1)
+    with socket.create_server(("localhost", 0)) as silent:
+        uri = f"http://localhost:{silent.getsockname()[1]}"
+        monkeypatch.setenv("ROS_MASTER_URI", uri)
+        check = threading.Thread(
+            target=launched_robot._check_for_node, args=("web", words), daemon=True
+        )
+        check.start()
+        check.join(60.0)
+        assert not check.is_alive()
 
 
 @pytest.mark.parametrize("file", ["web", "view"])

@@ -236,7 +236,6 @@ def clock(monkeypatch):
 
 def test_an_element_that_was_edited_is_held_for_a_while(clock):
     guard, field = controls.EditGuard(0.7), SimpleNamespace(value=0.0)
-    guard.know(field)
     assert not guard.is_held(field)
     field.value = 1.0
     assert guard.is_held(field)
