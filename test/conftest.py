@@ -79,14 +79,19 @@ def file(tmp_path):
     return write
 
 
+def pytest_addoption(parser):
+    parser.addoption("--engine", default="bullet", help="physics engine of the worlds")
+
+
 @pytest.fixture
-def make_world():
+def make_world(pytestconfig):
     """Give what makes worlds, which end with the test."""
     from worlds import Bench
 
     worlds = []
 
     def make(*args, **kwargs):
+        kwargs.setdefault("engine", pytestconfig.getoption("engine"))
         worlds.append(Bench(*args, **kwargs))
         return worlds[-1]
 

@@ -29,12 +29,13 @@ class Bench(World):
         gravity=(0.0, 0.0, -9.8),
         content=None,
         motors=None,
+        engine="bullet",
         **numbers,
     ):
         properties = PhysicsProperties(
             **dict(zip(("gravity_x", "gravity_y", "gravity_z"), gravity)), **numbers
         )
-        super().__init__(physics, properties, content, motors)
+        super().__init__(physics, properties, content, motors, engine)
 
     @property
     def client(self):

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from worlds import Bench
 
-from g1_description.sim.bullet.engine import REST_SPEED
 from g1_description.sim.forces import Span
+from g1_description.sim.moving_models import REST_SPEED
 
 INERTIA = '<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/>'
 MASS = f'<inertial><mass value="1"/>{INERTIA}</inertial>'

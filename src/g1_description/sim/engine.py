@@ -261,22 +261,49 @@ class Engine(ABC):
         """
 
 
+ENGINES = {
+    "bullet": ("g1_description.sim.bullet.engine", "BulletEngine"),
+    "mujoco": ("g1_description.sim.mujoco.engine", "MujocoEngine"),
+}
+"""Modules and classes of the engines by name; the first one is the default."""
+
+
 def make_engine(
-    physics: str, properties: PhysicsProperties, motors: Motors | None = None
+    name: str,
+    physics: str,
+    properties: PhysicsProperties,
+    motors: Motors | None = None,
 ) -> Engine:
     """Make an engine without models.
 
     Args:
+        name: One of ``ENGINES``.
         physics: One of ``PHYSICS``.
         properties: The physics properties.
         motors: Motors of the joints in ``hold`` physics; None: those of each robot's
             profile.
 
     Raises:
-        UnknownNameError: If there is no such physics.
+        UnknownNameError: If there is no such engine or physics, or its library is not
+            installed.
     """
+    if name not in ENGINES:
+        raise UnknownNameError(
+            f"Unknown engine '{name}'; must be one of {', '.join(ENGINES)}."
+        )
     # Imported by name and on use: an engine knows this module, not the reverse, and its
     # library loads slowly.
-    module = import_module("g1_description.sim.bullet.engine")
-    engine: Engine = module.BulletEngine(physics, properties, motors)
+    module, kind = ENGINES[name]
+    try:
+        make = getattr(import_module(module), kind)
+    except ModuleNotFoundError as error:
+        raise UnknownNameError(
+            f"The engine {name} needs {error.name}, which is not installed: pip "
+            f"install {INSTALLED.get(str(error.name), error.name)}."
+        ) from error
+    engine: Engine = make(physics, properties, motors)
     return engine
+
+
+INSTALLED = {"mujoco": "mujoco==3.2.3"}
+"""Versions of libraries that need not be there."""

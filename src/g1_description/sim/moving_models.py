@@ -1,23 +1,31 @@
-"""States of all moving models, read from PyBullet in one batch."""
+"""States of all moving models, read from an engine in one batch, and their rest."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import chain
-from typing import Callable
+from typing import Callable, Tuple
 
 import numpy as np
 
 from g1_description.robot.assembly import SCOPE
 from g1_description.robot.description import Description, Joint, Link
 from g1_description.robot.kinematics import Kinematics
-from g1_description.robot.rotation import cross
-from g1_description.robot.transform import compose
-from g1_description.sim.bullet.body import Body
-from g1_description.sim.bullet.client import BulletClient
 from g1_description.sim.model import Model, States
+
+REST_SPEED = 1e-5
+"""Largest speed of a joint or root at rest, in [m/s] or [rad/s]: above the solver's
+noise in a stack of boxes, far below anything visible."""
+
+REST_TIME = 0.1
+"""Time at rest before the world sleeps, in [s] of simulated time: a pendulum at its
+turning point is slower than REST_SPEED for less."""
+
+
+Read = Callable[[], Tuple[States, States]]
+"""Reads poses, shape (n_trees, 7), and twists, shape (n_trees, 6), of all roots, and
+positions and velocities, shape (n_joints,), of all joints from an engine."""
 
 
 class MovingModels:
@@ -26,48 +34,28 @@ class MovingModels:
     A world has dozens of small ones, for which numpy's overhead per call dominates.
     """
 
-    def __init__(self, client: BulletClient, models: Sequence[Sequence[Body]]) -> None:
+    def __init__(self, models: Sequence[Model], read: Read) -> None:
         """Create the arrays.
 
         Args:
-            client: PyBullet.
-            models: The bodies of each model, in the order of its trees.
+            models: The models.
+            read: Reads their roots and joints in this order.
         """
-        self._client = client
-        self._models = [bodies[0].model for bodies in models]
-        bodies = list(chain.from_iterable(models))
-        self._free = [row for row, body in enumerate(bodies) if not body.tree.fixed]
-        self._free_numbers = [bodies[row].number for row in self._free]
-        offsets = [bodies[row].T_center_root for row in self._free]
-        self._T_center_root = np.array(offsets).reshape(-1, 7)
-        self._roots = _slices([len(model.trees) for model in self._models])
-        self._joints = _slices([len(model.joint_names) for model in self._models])
-        self._links = _slices([len(model.link_names) for model in self._models])
-        jointed = [
-            (body, joints.start + body.tree.joints)
-            for own, joints in zip(models, self._joints)
-            for body in own
-            if body.rows
-        ]
-        self._jointed = [body for body, _ in jointed]
-        rows = [rows for _, rows in jointed]
-        self._rows = np.concatenate([np.zeros(0, dtype=int), *rows])
+        self._models, self._read = models, read
+        self._roots = _slices([len(model.trees) for model in models])
+        self._joints = _slices([len(model.joint_names) for model in models])
+        self._links = _slices([len(model.link_names) for model in models])
         self._speeds = np.zeros(1)
         self._measured: list[tuple[States, States, Callable[[], States]]] = []
-        if self._models:
-            forest, self._of_forest = _joined(self._models)
+        if models:
+            forest, self._of_forest = _joined(models)
             self._kinematics = Kinematics(forest)
 
     def read(self) -> None:
-        """Read the state of all models from PyBullet; ``update_models`` applies it."""
+        """Read the state of all models; ``update_models`` applies it."""
         if not self._models:
             return
-        roots, root_twists = self._read_roots()
-        joints = np.zeros((len(self._rows), 2))
-        joints[self._rows] = [
-            state[:2] for body in self._jointed for state in body.joint_states()
-        ] or np.zeros((0, 2))
-        position, velocity = joints.T
+        (roots, root_twists), (position, velocity) = self._read()
         states: list[States] = []
 
         def links(rows: slice) -> States:
@@ -94,34 +82,51 @@ class MovingModels:
         for model, state in zip(self._models, self._measured):
             model.set_measured_state(*state)
 
-    def _read_roots(self) -> tuple[np.ndarray, np.ndarray]:
-        """Read the poses and twists of all roots; fixed ones keep theirs.
-
-        Returns:
-            Poses in the world, shape (n_trees, 7), twists of the root frames' origins
-            along the world's axes, shape (n_trees, 6).
-        """
-        roots = np.concatenate([model.root_poses for model in self._models])
-        root_twists = np.zeros((len(roots), 6))
-        if self._free:
-            pose_of = self._client.getBasePositionAndOrientation
-            twist_of = self._client.getBaseVelocity
-            centers = np.array([sum(pose_of(n), ()) for n in self._free_numbers])
-            twists = np.array([sum(twist_of(n), ()) for n in self._free_numbers])
-            poses = compose(centers, self._T_center_root)
-            twists[:, :3] += cross(twists[:, 3:], poses[:, :3] - centers[:, :3])
-            roots[self._free], root_twists[self._free] = poses, twists
-        return roots, root_twists
-
     @property
     def speed(self) -> float:
         """Largest last read speed of a joint or a root, in [m/s] or [rad/s]."""
         return float(self._speeds.max())
 
     def stop(self) -> None:
-        """Zero the velocities of all models without writing them to PyBullet."""
+        """Zero the velocities of all models without writing them to the engine."""
         for model in self._models:
             model.stop()
+
+
+class RestDetector:
+    """Measures for how long all models have been at rest."""
+
+    def __init__(self) -> None:
+        self._still_for = 0.0
+        self._first_speed = 0.0
+
+    @property
+    def is_resting(self) -> bool:
+        """Whether steps change nothing until something is written."""
+        return self._still_for >= REST_TIME
+
+    def wake(self) -> None:
+        """Resume steps, and count from zero."""
+        self._still_for = 0.0
+
+    def update(self, speed: float, time_step: float) -> None:
+        """Count a step that was computed.
+
+        The world does not sleep while the speed grows, such as with a pole that starts
+        to topple.
+
+        Args:
+            speed: Greatest speed after the step, in [m/s] or [rad/s].
+            time_step: Length of the step in [s].
+        """
+        if not speed <= REST_SPEED:  # also where it is NaN
+            self.wake()
+            return
+        if self._still_for == 0.0:
+            self._first_speed = speed
+        self._still_for += time_step
+        if self.is_resting and speed > self._first_speed:
+            self.wake()
 
 
 def _joined(models: Sequence[Model]) -> tuple[Description, np.ndarray]:

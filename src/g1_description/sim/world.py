@@ -59,6 +59,7 @@ class World:
         properties: PhysicsProperties | None = None,
         content: Sdf | None = None,
         motors: Motors | None = None,
+        engine: str = "bullet",
     ) -> None:
         """Create a world.
 
@@ -69,16 +70,19 @@ class World:
                 that cannot be loaded is ignored.
             motors: Motors of the joints in ``hold``, bounded by the robots' files;
                 None: those of each robot's profile.
+            engine: One of ``ENGINES``, which moves the models.
 
         Raises:
-            UnknownNameError: If there is no such physics.
+            UnknownNameError: If there is no such physics or engine.
         """
         self.models: dict[str, Model] = {}
         self.lights: dict[str, Light] = {}
         self.lock = threading.Lock()
         """For threads that read while another one changes the world. A step locks it
         only while it updates the models; other changes need it, too."""
-        self.engine = make_engine(physics, properties or PhysicsProperties(), motors)
+        self.engine = make_engine(
+            engine, physics, properties or PhysicsProperties(), motors
+        )
         self.forces = ForceSchedule(self.is_dynamic)
         """Current and future wrenches and efforts."""
         self.anchors = Anchors(physics)

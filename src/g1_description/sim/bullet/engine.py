@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from itertools import chain, combinations
 
 import numpy as np
@@ -10,63 +10,21 @@ import numpy as np
 from g1_description.errors import DescriptionError
 from g1_description.motion.motors import Motors, motors_of
 from g1_description.robot.assembly import SCOPE
+from g1_description.robot.rotation import cross
+from g1_description.robot.transform import compose
 from g1_description.sim.bullet.body import Body
-from g1_description.sim.bullet.client import connect
+from g1_description.sim.bullet.client import BulletClient, connect
 from g1_description.sim.bullet.contacts import DepenetrationLimiter
 from g1_description.sim.bullet.create_body import (
     MAX_JOINTS,
     TooManyLinksError,
     create_body,
 )
-from g1_description.sim.bullet.moving_models import MovingModels
 from g1_description.sim.engine import MAX_EFFORT, Engine, PhysicsProperties
 from g1_description.sim.meshes.shapes import find_meshes
-from g1_description.sim.model import Model
+from g1_description.sim.model import Model, States
+from g1_description.sim.moving_models import MovingModels, RestDetector
 from g1_description.text import listed
-
-REST_SPEED = 1e-5
-"""Largest speed of a joint or root at rest, in [m/s] or [rad/s]: above the solver's
-noise in a stack of boxes, far below anything visible."""
-
-REST_TIME = 0.1
-"""Time at rest before the world sleeps, in [s] of simulated time: a pendulum at its
-turning point is slower than REST_SPEED for less."""
-
-
-class RestDetector:
-    """Measures for how long all models have been at rest."""
-
-    def __init__(self) -> None:
-        self._still_for = 0.0
-        self._first_speed = 0.0
-
-    @property
-    def is_resting(self) -> bool:
-        """Whether steps change nothing until something is written."""
-        return self._still_for >= REST_TIME
-
-    def wake(self) -> None:
-        """Resume steps, and count from zero."""
-        self._still_for = 0.0
-
-    def update(self, speed: float, time_step: float) -> None:
-        """Count a step that was computed.
-
-        The world does not sleep while the speed grows, such as with a pole that starts
-        to topple.
-
-        Args:
-            speed: Greatest speed after the step, in [m/s] or [rad/s].
-            time_step: Length of the step in [s].
-        """
-        if not speed <= REST_SPEED:  # also where it is NaN
-            self.wake()
-            return
-        if self._still_for == 0.0:
-            self._first_speed = speed
-        self._still_for += time_step
-        if self.is_resting and speed > self._first_speed:
-            self.wake()
 
 
 class BulletEngine(Engine):
@@ -296,7 +254,7 @@ class BulletEngine(Engine):
             return
         models = self._bodies.values()
         moving = [bodies for bodies in models if any(body.moves for body in bodies)]
-        self._moving = MovingModels(self._client, moving)
+        self._moving = _moving_models(self._client, moving)
         bodies = list(chain.from_iterable(models))
         self._by_number = {body.number: body for body in bodies}
         self._jointed = [body for body in bodies if body.rows]
@@ -341,3 +299,42 @@ class BulletEngine(Engine):
             for body in self._woken(model):
                 body.write()
         self._moved.clear()
+
+
+def _moving_models(
+    client: BulletClient, models: Sequence[Sequence[Body]]
+) -> MovingModels:
+    """Prepare to read the bodies of each model, in the order of its trees."""
+    first = [bodies[0].model for bodies in models]
+    bodies = list(chain.from_iterable(models))
+    free = [row for row, body in enumerate(bodies) if not body.tree.fixed]
+    offsets = [bodies[row].T_center_root for row in free]
+    T_center_root = np.array(offsets).reshape(-1, 7)
+    begins = np.cumsum([0, *(len(model.joint_names) for model in first)])
+    jointed = [
+        (body, begin + body.tree.joints)
+        for own, begin in zip(models, begins)
+        for body in own
+        if body.rows
+    ]
+    rows = np.concatenate([np.zeros(0, dtype=int), *(rows for _, rows in jointed)])
+
+    def read() -> tuple[States, States]:
+        roots = np.concatenate([model.root_poses for model in first])
+        root_twists = np.zeros((len(roots), 6))
+        if free:
+            numbers = [bodies[row].number for row in free]
+            pose_of = client.getBasePositionAndOrientation
+            centers = np.array([sum(pose_of(n), ()) for n in numbers])
+            twists = np.array([sum(client.getBaseVelocity(n), ()) for n in numbers])
+            poses = compose(centers, T_center_root)
+            twists[:, :3] += cross(twists[:, 3:], poses[:, :3] - centers[:, :3])
+            roots[free], root_twists[free] = poses, twists
+        joints = np.zeros((len(rows), 2))
+        joints[rows] = [
+            state[:2] for body, _ in jointed for state in body.joint_states()
+        ] or np.zeros((0, 2))
+        position, velocity = joints.T
+        return (roots, root_twists), (position, velocity)
+
+    return MovingModels(first, read)

@@ -1,0 +1,1 @@
+"""MuJoCo behind the interface of physics engines."""

@@ -1,0 +1,515 @@
+"""MuJoCo as an engine: all models of a world are compiled into one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+import mujoco
+import numpy as np
+
+from g1_description.errors import DescriptionError, cause
+from g1_description.motion.motors import Motors, motors_of
+from g1_description.robot.assembly import SCOPE
+from g1_description.robot.rotation import conjugate, rotate
+from g1_description.sim.engine import MAX_EFFORT, Engine, PhysicsProperties
+from g1_description.sim.meshes.shapes import Mesh, find_meshes
+from g1_description.sim.model import Model, States
+from g1_description.sim.moving_models import MovingModels, RestDetector
+from g1_description.sim.mujoco.mjcf import WorldFile
+from g1_description.text import listed
+
+MAX_DEPENETRATION_SPEED = 0.3
+"""Largest speed at which overlapping links separate, in [m/s]."""
+
+IMPEDANCE = (0.95, 0.99, 0.001, 0.5, 2.0)
+"""Hardness of contacts and stops, MuJoCo's ``solimp``."""
+
+MOTOR_IMPEDANCE = (0.9999, 0.9999, 0.001, 0.5, 2.0)
+"""Hardness of motors: how exactly they reach a velocity."""
+
+FRICTION_RATIO = 10.0
+"""MuJoCo's ``impratio``: how much harder friction is than contacts, against slip."""
+
+mujoco.set_mju_user_warning(lambda text: None)  # else it writes MUJOCO_LOG.TXT
+
+
+class _Rows:
+    """Where a model is in MuJoCo's arrays."""
+
+    def __init__(self, model: Model, bodies: Mapping[str, int], compiled) -> None:
+        self.model = model
+        trees = model.assembly.description.trees
+        self.roots = [bodies[tree.root] for tree in trees]
+        self.bodies = bodies
+        joints = [
+            compiled.body_jntadr[bodies[joint.child]]
+            for joint in model.assembly.description.movable_joints
+        ]
+        self.joints = np.array(joints, dtype=int)
+        self.position = compiled.jnt_qposadr[self.joints]
+        self.velocity = compiled.jnt_dofadr[self.joints]
+
+
+class MujocoEngine(Engine):
+    """MuJoCo behind a world.
+
+    A world at rest sleeps, as with PyBullet. The world is compiled again, from the
+    states of its models, for the first step or query after models came or went.
+    """
+
+    def __init__(
+        self,
+        physics: str,
+        properties: PhysicsProperties,
+        motors: Motors | None = None,
+    ) -> None:
+        super().__init__(physics, properties)
+        self._given_motors = motors
+        self._models: dict[str, tuple[Model, Mapping[str, Mesh]]] = {}
+        self._rest = RestDetector()
+        self._is_compiled = False
+        self._targets: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+        self._motors: dict[str, Motors] = {}
+        self._forces: list[tuple[Model, str, np.ndarray]] = []
+        self._joint_efforts: list[tuple[Model, int, float]] = []
+
+    def close(self) -> None:
+        """Forget all models."""
+        self._models.clear()
+        self._is_compiled = False
+
+    # --- the world ---
+
+    def add(self, model: Model) -> tuple[str, ...]:
+        """Add a model; it is compiled alone, to see that it can be.
+
+        Raises:
+            DescriptionError: If MuJoCo refuses it; nothing is changed.
+        """
+        if not model.link_names:
+            return ()
+        meshes, left_out = find_meshes(
+            s for link in model.assembly.description.links for s in link.collisions
+        )
+        file = self._file()
+        file.add(model, meshes)
+        _compiled(file, model.assembly.description.name)
+        model.hull_deviations.update(file.deviations)
+        self._models[model.name] = model, meshes
+        self._hold(model)
+        self._is_compiled = False
+        self._rest.wake()
+        if model.assembly.static and meshes:
+            left_out += ("meshes of static models are simulated as their hulls",)
+        if self.physics == "hold":
+            left_out += self._unknown_limits(model)
+        return left_out
+
+    def _hold(self, model: Model) -> None:
+        """Give its motors the commanded positions as targets."""
+        if self.physics == "hold":
+            self._motors[model.name] = self._given_motors or motors_of(
+                model.assembly.description
+            )
+        still = np.zeros(len(model.joint_names))
+        self._targets[model.name] = np.array(model.target), still
+
+    def _unknown_limits(self, model: Model) -> tuple[str, ...]:
+        """Tell which motors have no limit as the file's is 0."""
+        limits = self.effort_limits(model)
+        joints = model.assembly.description.movable_joints
+        unknown = [
+            joint.name
+            for joint, limit in zip(joints, limits)
+            if joint.effort == 0.0 and np.isinf(limit)
+        ]
+        if not unknown:
+            return ()
+        return (
+            f"the effort limit of {listed(unknown)} is 0, which means unknown: the "
+            "motors have no limit in physics",
+        )
+
+    def remove(self, name: str) -> None:
+        """Remove a model."""
+        self._models.pop(name, None)
+        self._targets.pop(name, None)
+        self._rest.wake()
+        self._is_compiled = False
+
+    def replace(self, model: Model) -> None:
+        """Compile a model again, with its current links.
+
+        Raises:
+            DescriptionError: If MuJoCo refuses it; the old one stays.
+        """
+        targets = self._targets.get(model.name)
+        self.add(model)
+        if targets is not None:
+            self._targets[model.name] = targets
+
+    def rebuild(self, models: Iterable[Model]) -> None:
+        """Compile everything again, as the solver remembers its last solution."""
+        known, self._models = self._models, {}
+        for model in models:
+            if model.name in known:
+                self._models[model.name] = model, known[model.name][1]
+                self._hold(model)
+        self._forces.clear()
+        self._joint_efforts.clear()
+        self._rest = RestDetector()
+        self._is_compiled = False
+
+    def _file(self) -> WorldFile:
+        """Begin a file of a world."""
+        return WorldFile(has_motors=self.physics == "hold")
+
+    def _compile(self) -> None:
+        """Compile the models, if they have changed, and write their states."""
+        if self._is_compiled:
+            return
+        file = self._file()
+        for model, meshes in self._models.values():
+            file.add(model, meshes)
+        self._model, self._data = _compiled(file, "the world")
+        bodies: dict[str, dict[str, int]] = {}
+        for number, (model, link) in enumerate(file.links, 1):
+            bodies.setdefault(model.name, {})[link] = number
+        self._rows = {
+            name: _Rows(model, bodies[name], self._model)
+            for name, (model, _) in self._models.items()
+        }
+        self._geoms = file.geoms
+        self._is_compiled = True
+        self._write_properties()
+        self._write_motors()
+        for model, _ in self._models.values():
+            self._write(model)
+            self.update_gravity(model)
+            for name in model.ode_joints:
+                self.update_joint(model, name)
+        self._prepare_reading()
+
+    def _write_motors(self) -> None:
+        """Write gains and limits of motors by degree of freedom."""
+        count = self._model.nv
+        self._position_gains = np.zeros(count)
+        self._velocity_gains = np.zeros(count)
+        self._motor_efforts = np.zeros(count)
+        self._target_positions, self._target_velocities = np.zeros((2, count))
+        if self.physics != "hold":
+            return
+        for name, rows in self._rows.items():
+            model = rows.model
+            drives = [self._motors[name].of(joint) for joint in model.joint_names]
+            self._position_gains[rows.velocity] = [d.position_gain for d in drives]
+            self._velocity_gains[rows.velocity] = [d.velocity_gain for d in drives]
+            limits = np.minimum(self.effort_limits(model), MAX_EFFORT)
+            self._model.dof_frictionloss[rows.velocity] = limits
+            self._write_targets(rows)
+        self._model.dof_solimp[:] = MOTOR_IMPEDANCE
+
+    def _write_targets(self, rows: _Rows) -> None:
+        """Write the targets of a model's motors."""
+        positions, velocities = self._targets[rows.model.name]
+        self._target_positions[rows.velocity] = positions
+        self._target_velocities[rows.velocity] = velocities
+
+    def set_properties(self, properties: PhysicsProperties) -> None:
+        """Set the properties; MuJoCo uses some of them."""
+        self._rest.wake()
+        self.properties = properties
+        if self._is_compiled:
+            self._write_properties()
+
+    def _write_properties(self) -> None:
+        properties, option = self.properties, self._model.opt
+        step = properties.time_step or PhysicsProperties.time_step
+        option.timestep = step
+        option.gravity[:] = properties.gravity
+        option.iterations = max(1, properties.sor_pgs_iters)
+        option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+        option.impratio = FRICTION_RATIO
+        option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+        # An error decays within the time in which erp corrects it.
+        decay = step / min(max(properties.erp, 0.01), 0.5)
+        self._model.geom_solref[:] = decay, 1.0
+        self._model.geom_solimp[:] = IMPEDANCE
+        self._model.jnt_solref[:] = decay, 1.0
+        self._model.jnt_solimp[:] = IMPEDANCE
+
+    # --- states ---
+
+    def _changed(self, model: Model) -> _Rows | None:
+        """Wake the world; return a model's rows if they can be written to."""
+        self._rest.wake()
+        return self._rows.get(model.name) if self._is_compiled else None
+
+    def write(self, model: Model) -> None:
+        """Write roots and joints of a model; motor targets stay."""
+        if self._changed(model) is not None:
+            self._write(model)
+
+    def _write(self, model: Model) -> None:
+        rows, data = self._rows[model.name], self._data
+        for number, (tree, body) in enumerate(zip(model.trees, rows.roots)):
+            pose, twist = model.root_poses[number], model.root_twists[number]
+            wxyz = pose[[6, 3, 4, 5]]
+            if tree.fixed:
+                mocap = self._model.body_mocapid[body]
+                data.mocap_pos[mocap], data.mocap_quat[mocap] = pose[:3], wxyz
+                continue
+            joint = self._model.body_jntadr[body]
+            at = self._model.jnt_qposadr[joint]
+            data.qpos[at : at + 3], data.qpos[at + 3 : at + 7] = pose[:3], wxyz
+            at = self._model.jnt_dofadr[joint]
+            data.qvel[at : at + 3] = twist[:3]
+            data.qvel[at + 3 : at + 6] = rotate(conjugate(pose[3:]), twist[3:])
+        data.qpos[rows.position] = model.position
+        data.qvel[rows.velocity] = model.velocity
+
+    def write_joints(self, model: Model, rows: Iterable[int]) -> None:
+        """Write some joints of a model, also as motor targets."""
+        own = np.array([*rows], dtype=int)
+        positions, velocities = self._targets[model.name]
+        positions[own], velocities[own] = model.target[own], 0.0
+        found = self._changed(model)
+        if found is not None:
+            self._data.qpos[found.position[own]] = model.position[own]
+            self._data.qvel[found.velocity[own]] = model.velocity[own]
+            self._write_targets(found)
+
+    def follow(
+        self,
+        model: Model,
+        rows: np.ndarray,
+        positions: np.ndarray,
+        velocities: np.ndarray,
+    ) -> None:
+        """Set targets of motors."""
+        targets = self._targets[model.name]
+        targets[0][rows], targets[1][rows] = positions, velocities
+        found = self._changed(model)
+        if found is not None:
+            self._write_targets(found)
+
+    def _prepare_reading(self) -> None:
+        """Prepare to read the models that can move."""
+        moving = [
+            rows
+            for rows in self._rows.values()
+            if len(rows.position) or not all(tree.fixed for tree in rows.model.trees)
+        ]
+        models = [rows.model for rows in moving]
+        trees = [
+            (tree, body)
+            for rows in moving
+            for tree, body in zip(rows.model.trees, rows.roots)
+        ]
+        free = [row for row, (tree, _) in enumerate(trees) if not tree.fixed]
+        joints = self._model.body_jntadr[[trees[row][1] for row in free]]
+        spread = np.arange(7)
+        places = self._model.jnt_qposadr[joints][:, np.newaxis] + spread
+        speeds = self._model.jnt_dofadr[joints][:, np.newaxis] + spread[:6]
+        no_rows = np.zeros(0, dtype=int)
+        positions = np.concatenate([no_rows, *(rows.position for rows in moving)])
+        velocities = np.concatenate([no_rows, *(rows.velocity for rows in moving)])
+
+        def read() -> tuple[States, States]:
+            qpos, qvel = self._data.qpos, self._data.qvel
+            roots = np.concatenate([model.root_poses for model in models])
+            twists = np.zeros((len(roots), 6))
+            if free:
+                roots[free] = qpos[places][:, [0, 1, 2, 4, 5, 6, 3]]
+                twists[free] = qvel[speeds]
+                turned = rotate(roots[free, 3:], twists[free, 3:])
+                twists[free, 3:] = turned
+            return (roots, twists), (qpos[positions], qvel[velocities])
+
+        self._moving = MovingModels(models, read)
+
+    # --- steps ---
+
+    def step(self) -> None:
+        """Compute one time step, unless the world sleeps."""
+        if self._rest.is_resting:
+            return
+        self._compile()
+        model, data = self._model, self._data
+        self._apply_forces()
+        mujoco.mj_step1(model, data)
+        if self.physics == "hold":
+            self._drive()
+        self._slow_separation()
+        mujoco.mj_step2(model, data)
+        self._drive_efforts = data.efc_force[data.ne : data.ne + data.nf].copy()
+        data.xfrc_applied[:] = 0.0
+        data.qfrc_applied[:] = 0.0
+        self._moving.read()
+
+    def _apply_forces(self) -> None:
+        """Write the forces of this step."""
+        data = self._data
+        for body, mass in self._weightless.items():
+            data.xfrc_applied[body, :3] -= mass * np.array(self.properties.gravity)
+        for model, link, wrench in self._forces:
+            rows = self._rows.get(model.name)
+            if rows is not None and link in rows.bodies:
+                data.xfrc_applied[rows.bodies[link]] += wrench
+        for model, row, effort in self._joint_efforts:
+            rows = self._rows.get(model.name)
+            if rows is not None:
+                data.qfrc_applied[rows.velocity[row]] += effort
+        self._forces.clear()
+        self._joint_efforts.clear()
+
+    def _drive(self) -> None:
+        """Let friction of the joints, up to the motors' efforts, drive them.
+
+        Friction is a constraint on the acceleration that stops a joint; here, on that
+        which brings it to the velocity of ``Motor``.
+        """
+        data, step = self._data, self.properties.time_step
+        rows = slice(data.ne, data.ne + data.nf)
+        dofs = data.efc_id[rows]
+        joints = self._model.dof_jntid[dofs]
+        position = data.qpos[self._model.jnt_qposadr[joints]]
+        lag = self._target_velocities[dofs] - data.qvel[dofs]
+        error = self._target_positions[dofs] - position
+        change = self._velocity_gains[dofs] * lag
+        change += self._position_gains[dofs] * error / step
+        data.efc_aref[rows] = change / step
+
+    def _slow_separation(self) -> None:
+        """Bound the speed at which contacts push overlapping links apart."""
+        data = self._data
+        rows = slice(data.ne + data.nf + data.nl, data.nefc)
+        stiffness, damping, impedance, _ = data.efc_KBIP[rows].T
+        depth = data.efc_margin[rows] - data.efc_pos[rows]
+        excess = stiffness * impedance * depth - damping * MAX_DEPENETRATION_SPEED
+        if (excess > 0.0).any():
+            data.efc_aref[rows] -= np.maximum(excess, 0.0)
+
+    def update_models(self) -> None:
+        """Give the models the states that the step has computed."""
+        if self._rest.is_resting:
+            return
+        self._moving.update_models()
+        self._rest.update(self._moving.speed, self.properties.time_step)
+        if self._rest.is_resting:
+            self._moving.stop()
+
+    # --- joints, forces and contacts ---
+
+    def efforts(self, model: Model) -> np.ndarray:
+        """Read the efforts of motors in the last step."""
+        found = np.zeros(len(model.joint_names))
+        rows = self._rows.get(model.name) if self._is_compiled else None
+        if self.physics == "hold" and rows is not None:
+            by_dof = np.zeros(self._model.nv)
+            data = self._data
+            dofs = data.efc_id[data.ne : data.ne + data.nf]
+            by_dof[dofs] = data.efc_force[data.ne : data.ne + data.nf]
+            found[:] = by_dof[rows.velocity]
+        return found
+
+    def effort_limits(self, model: Model) -> np.ndarray:
+        """Return the largest efforts of motors."""
+        motors = self._motors.get(model.name, Motors())
+        joints = model.assembly.description.movable_joints
+        limits = [
+            min(joint.effort or np.inf, motors.of(joint.name).effort)
+            for joint in joints
+        ]
+        found = np.array(limits, dtype=float)
+        found[found >= MAX_EFFORT] = np.inf
+        return found
+
+    def apply_wrench(self, model: Model, link: str, wrench: np.ndarray) -> None:
+        """Apply a wrench to a link in the next step."""
+        self._rest.wake()
+        self._forces.append((model, link, wrench))
+
+    def apply_effort(self, model: Model, row: int, effort: float) -> None:
+        """Apply an effort to a joint in the next step."""
+        self._rest.wake()
+        self._joint_efforts.append((model, row, effort))
+
+    def update_joint(self, model: Model, name: str) -> None:
+        """Apply damping and stops of a joint."""
+        rows = self._changed(model)
+        row, given = model.joint_row(name), model.ode_joints[name]
+        if rows is None or row is None:
+            return
+        joint, dof = rows.joints[row], rows.velocity[row]
+        if "damping" in given and self.physics == "limp":
+            self._model.dof_damping[dof] = given["damping"]
+        if "loStop" in given or "hiStop" in given:
+            low, high = self._model.jnt_range[joint]
+            self._model.jnt_range[joint] = (
+                given.get("loStop", low),
+                given.get("hiStop", high),
+            )
+            self._model.jnt_limited[joint] = True
+
+    def update_gravity(self, model: Model) -> None:
+        """Apply which links of a model have gravity."""
+        rows = self._changed(model)
+        if rows is not None:
+            self._weightless = {
+                each.bodies[name]: link.inertial.mass
+                for each in self._rows.values()
+                for name, link in each.model.links.items()
+                if link.inertial is not None
+                and not link.has_gravity
+                and name in each.bodies
+            }
+
+    def contacts(self) -> set[tuple[str, str]]:
+        """Find the pairs of links that touch or overlap now."""
+        self._compile()
+        model, data = self._model, self._data
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_collision(model, data)
+        pairs = set()
+        for number in range(data.ncon):
+            contact = data.contact[number]
+            if contact.dist > 0.0:
+                continue
+            ends = [self._geoms[geom] for geom in contact.geom]
+            if any(self._can_move(*end) for end in ends):
+                names = (f"{owner.name}{SCOPE}{link}" for owner, link in ends)
+                first, second = sorted(names)
+                pairs.add((first, second))
+        return pairs
+
+    def _can_move(self, model: Model, link: str) -> bool:
+        """Return whether physics can move a link."""
+        body = self._rows[model.name].bodies[link]
+        return bool(self._model.body_dofnum[body] or self._has_joint_above(body))
+
+    def _has_joint_above(self, body: int) -> bool:
+        """Return whether a body moves with another one."""
+        moves: bool = self._model.body_weldid[body] != 0
+        return moves and self._model.body_dofnum[self._model.body_weldid[body]] > 0
+
+
+def _compiled(file: WorldFile, name: str):
+    """Compile a world.
+
+    Returns:
+        MuJoCo's model, with the inertias of the file, and its data.
+
+    Raises:
+        DescriptionError: If MuJoCo refuses it.
+    """
+    try:
+        model = mujoco.MjModel.from_xml_string(file.text())
+    except ValueError as error:
+        raise DescriptionError(f"MuJoCo cannot load {name}: {cause(error)}.") from error
+    model.body_inertia[1:] = np.array(file.inertias).reshape(-1, 3)
+    data = mujoco.MjData(model)
+    mujoco.mj_setConst(model, data)
+    return model, data

@@ -1,0 +1,260 @@
+"""Models as MJCF, from our arrays.
+
+Each tree of a model is a body of the world: with a free joint, or a mocap body if its
+root is fixed. The frame of a body is that of its link.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from g1_description.bounds import MAX_VALUE
+from g1_description.robot.assembly import SCOPE, WORLD
+from g1_description.robot.description import Description, Inertial, Joint, Link, Shape
+from g1_description.robot.lumping import is_positive
+from g1_description.robot.rotation import axes_to_rpy, cross, from_rpy, multiply
+from g1_description.robot.transform import IDENTITY
+from g1_description.sim.engine import MAX_EFFORT
+from g1_description.sim.meshes.hulls import thinned_hulls
+from g1_description.sim.meshes.shapes import Mesh, is_there
+from g1_description.sim.model import Model
+
+TOLERANCE = 1e-3
+"""Largest deviation in [m] of a simplified hull from its mesh."""
+
+THICKNESS = 1e-4
+"""Of the hull of a flat mesh, in [m]: MuJoCo refuses one without a volume."""
+
+MIN_SIZE = 1e-9
+"""Smallest size of a shape in [m]: MuJoCo refuses zero."""
+
+UNKNOWN = Inertial(1.0, np.zeros(3), np.eye(3))
+"""Mass properties of links without any, which occur only in kinematic physics."""
+
+DEFAULT_FRICTION = 1.0
+"""Default coefficient of friction, as in Gazebo."""
+
+MAX_FRICTION = 100.0
+"""Largest coefficient of friction: files may have an infinite one."""
+
+PRIORITIES = 1e6
+"""Priorities per unit of friction: of two shapes, that with the higher priority, i.e.
+the lower friction, sets that of the contact, as in ODE."""
+
+BITS = 32
+"""Bits of MuJoCo's collision masks."""
+
+
+class WorldFile:
+    """Writes the bodies of models, in the order in which MuJoCo numbers them."""
+
+    def __init__(self, has_motors: bool) -> None:
+        """Begin an empty world.
+
+        Args:
+            has_motors: Whether motors drive the joints; else they have the friction
+                and damping of their files.
+        """
+        self._has_motors = has_motors
+        self._meshes: dict[tuple[str, tuple[float, ...], int], str] = {}
+        self._assets: list[str] = []
+        self._bodies: list[str] = []
+        self._excludes: list[str] = []
+        self._groups: dict[tuple[str, str], int] = {}
+        self.geoms: list[tuple[Model, str]] = []
+        """The model and link of each geom."""
+        self.links: list[tuple[Model, str]] = []
+        """Those of each body but the world."""
+        self.inertias: list[np.ndarray] = []
+        """Principal moments of each body but the world, shape (3,)."""
+        self.deviations: dict[str, float] = {}
+        """Largest deviation of a simplified hull in [m], by mesh."""
+
+    def text(self) -> str:
+        """Return the file."""
+        return "\n".join(
+            [
+                "<mujoco>",
+                '<compiler angle="radian" autolimits="false" fusestatic="false"/>',
+                "<asset>",
+                *self._assets,
+                "</asset><worldbody>",
+                *self._bodies,
+                "</worldbody></mujoco>",
+            ]
+        )
+
+    def add(self, model: Model, meshes: Mapping[str, Mesh]) -> None:
+        """Add the trees of a model.
+
+        Args:
+            model: The model.
+            meshes: The meshes of its collision shapes; shapes of others are ignored.
+        """
+        trees = model.assembly.description.trees
+        for tree, known in zip(trees, model.trees):
+            self._bodies += self._tree(model, tree, known.fixed, meshes)
+
+    def _tree(
+        self,
+        model: Model,
+        tree: Description,
+        fixed: bool,
+        meshes: Mapping[str, Mesh],
+    ) -> Iterator[str]:
+        """Write a tree."""
+        links = {link.name: link for link in tree.links}
+        below: dict[str, list[Joint]] = {}
+        for joint in tree.joints:
+            below.setdefault(joint.parent, []).append(joint)
+
+        def body(name: str, joint: Joint | None) -> Iterator[str]:
+            pose = IDENTITY if joint is None else joint.pose
+            mocap = ' mocap="true"' if joint is None and fixed else ""
+            yield f'<body pos="{_row(pose[:3])}" quat="{_wxyz(pose[3:])}"{mocap}>'
+            self.links.append((model, name))
+            if joint is None and not fixed:
+                yield "<freejoint/>"
+            elif joint is not None and joint.kind != "fixed":
+                yield self._joint(joint)
+            yield self._inertial(links[name])
+            for shape in links[name].collisions:
+                if is_there(shape, meshes):
+                    yield from self._geoms(model, links[name], shape, meshes)
+            for next_joint in below.get(name, ()):
+                yield from body(next_joint.child, next_joint)
+            yield "</body>"
+
+        return body(tree.root, None)
+
+    def _joint(self, joint: Joint) -> str:
+        """Write a movable joint."""
+        is_limited = joint.kind in ("revolute", "prismatic")
+        kind = "slide" if joint.kind == "prismatic" else "hinge"
+        bounds = np.clip([joint.lower, joint.upper], -MAX_VALUE, MAX_VALUE)
+        friction = MAX_EFFORT if self._has_motors else joint.friction
+        damping = 0.0 if self._has_motors else joint.damping
+        return (
+            f'<joint type="{kind}" pos="{_row(joint.joint_origin)}" '
+            f'axis="{_row(joint.axis)}" range="{_row(bounds)}" '
+            f'limited="{str(is_limited).lower()}" damping="{damping!r}" '
+            f'frictionloss="{friction!r}"/>'
+        )
+
+    def _inertial(self, link: Link) -> str:
+        """Write mass properties; the moments may be beyond what MuJoCo compiles."""
+        inertial = link.inertial or (UNKNOWN if link.name != WORLD else None)
+        if inertial is None:
+            self.inertias.append(np.zeros(3))
+            return ""
+        if not is_positive(inertial.inertia):
+            inertial = replace(inertial, inertia=np.eye(3))  # as Gazebo's ODE
+        moments, axes = np.linalg.eigh(inertial.inertia)
+        axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
+        self.inertias.append(moments)
+        # Replaced after the compilation, which checks the triangle inequality.
+        largest = _row(np.full(3, moments.max()))
+        return (
+            f'<inertial pos="{_row(inertial.center_of_mass)}" '
+            f'quat="{_wxyz(from_rpy(axes_to_rpy(axes)))}" mass="{inertial.mass!r}" '
+            f'diaginertia="{largest}"/>'
+        )
+
+    def _geoms(
+        self, model: Model, link: Link, shape: Shape, meshes: Mapping[str, Mesh]
+    ) -> Iterator[str]:
+        """Write a shape, of a mesh the hull of each part."""
+        forms = [f'type="{shape.kind}" size="{_size(shape)}"']
+        quaternion = shape.pose[3:]
+        if shape.kind == "plane":
+            quaternion = multiply(quaternion, _from_z(np.array(shape.size)))
+            forms = ['type="plane" size="0 0 1"']
+        elif shape.kind == "mesh":
+            names = self._hulls(shape, meshes[shape.filename])
+            forms = [f'type="mesh" mesh="{name}"' for name in names]
+        friction = DEFAULT_FRICTION if shape.friction is None else shape.friction
+        friction = min(friction, MAX_FRICTION)
+        kind, affinity = self._masks(model, link)
+        for form in forms:
+            self.geoms.append((model, link.name))
+            yield (
+                f'<geom {form} pos="{_row(shape.pose[:3])}" '
+                f'quat="{_wxyz(quaternion)}" contype="{kind}" '
+                f'conaffinity="{affinity}" friction="{friction!r} 0 0" '
+                f'priority="{round((MAX_FRICTION - friction) * PRIORITIES)}"/>'
+            )
+
+    def _masks(self, model: Model, link: Link) -> tuple[int, int]:
+        """Choose collision masks: links of one model pass through each other.
+
+        As in Gazebo, a nested model counts as another model. The bodies of a single
+        link need no mask of their own.
+        """
+        if len(model.link_names) == 1:
+            return 1, 2**31 - 1
+        scope = model.name, link.name.rpartition(SCOPE)[0]
+        number = self._groups.setdefault(scope, len(self._groups))
+        bit = 2 << number % (BITS - 2)
+        return bit, (2**31 - 1) & ~bit
+
+    def _hulls(self, shape: Shape, mesh: Mesh) -> list[str]:
+        """Write the hulls of a mesh, each once per scale; return their names."""
+        scale = max(map(abs, shape.size))
+        hulls = thinned_hulls(mesh, TOLERANCE / scale if scale else 0.0)
+        deviation = max(deviation for _, deviation in hulls) * scale
+        if deviation:
+            known = self.deviations.get(shape.filename, 0.0)
+            self.deviations[shape.filename] = max(known, deviation)
+        names = []
+        for part, (points, _) in enumerate(hulls):
+            key = shape.filename, tuple(shape.size), part
+            if key not in self._meshes:
+                self._meshes[key] = f"m{len(self._meshes)}"
+                scaled = _thick(np.asarray(points, float) * np.array(shape.size))
+                vertices = _row(scaled.ravel())
+                self._assets.append(
+                    f'<mesh name="{self._meshes[key]}" vertex="{vertices}"/>'
+                )
+            names.append(self._meshes[key])
+        return names
+
+
+def _thick(points: np.ndarray) -> np.ndarray:
+    """Give a flat hull, of points with shape (n, 3), a thickness."""
+    centered = points - points.mean(axis=0)
+    _, _, axes = np.linalg.svd(centered, full_matrices=True)
+    thin = [axis for axis in axes if np.ptp(centered @ axis) < THICKNESS]
+    for axis in thin:
+        points = np.concatenate([points - THICKNESS * axis, points + THICKNESS * axis])
+    return points
+
+
+def _size(shape: Shape) -> str:
+    """Write the size of a shape: half of the sides."""
+    halves = {"box": (0.5,) * 3, "cylinder": (1.0, 0.5), "sphere": (1.0,)}
+    factors = halves.get(shape.kind, ())
+    return _row([max(f * size, MIN_SIZE) for f, size in zip(factors, shape.size)])
+
+
+def _from_z(normal: np.ndarray) -> np.ndarray:
+    """Compute a rotation that turns the z axis to a normal, as a quaternion."""
+    z = np.array([0.0, 0.0, 1.0])
+    unit = normal / np.linalg.norm(normal)
+    if unit @ z < -1.0 + 1e-12:
+        return np.array([1.0, 0.0, 0.0, 0.0])
+    quaternion = np.append(cross(z, unit), 1.0 + unit @ z)
+    return np.asarray(quaternion / np.linalg.norm(quaternion))
+
+
+def _row(numbers: Iterable[float] | Sequence[float]) -> str:
+    """Write numbers that are read back to the last bit."""
+    return " ".join(repr(float(number)) for number in numbers)
+
+
+def _wxyz(quaternion: np.ndarray) -> str:
+    """Write a quaternion (x, y, z, w) in MuJoCo's order."""
+    x, y, z, w = quaternion
+    return _row([w, x, y, z])
