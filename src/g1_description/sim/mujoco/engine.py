@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from g1_description.errors import DescriptionError, cause
 from g1_description.motion.motors import Motors, motors_of
 from g1_description.robot.assembly import SCOPE
-from g1_description.robot.rotation import conjugate, rotate
+from g1_description.robot.rotation import conjugate, cross, rotate
 from g1_description.sim.engine import MAX_EFFORT, Engine, PhysicsProperties
 from g1_description.sim.meshes.shapes import Mesh, find_meshes
 from g1_description.sim.model import Model, States
@@ -21,11 +22,11 @@ from g1_description.text import listed
 MAX_DEPENETRATION_SPEED = 0.3
 """Largest speed at which overlapping links separate, in [m/s]."""
 
-IMPEDANCE = (0.95, 0.99, 0.001, 0.5, 2.0)
+IMPEDANCE = (0.99, 0.999, 0.001, 0.5, 2.0)
 """Hardness of contacts and stops, MuJoCo's ``solimp``."""
 
-MOTOR_IMPEDANCE = (0.9999, 0.9999, 0.001, 0.5, 2.0)
-"""Hardness of motors: how exactly they reach a velocity."""
+FRICTION_IMPEDANCE = (0.99999, 0.99999, 0.001, 0.5, 2.0)
+"""Hardness of friction of joints, and of motors: how exactly they reach a velocity."""
 
 FRICTION_RATIO = 10.0
 """MuJoCo's ``impratio``: how much harder friction is than contacts, against slip."""
@@ -36,10 +37,13 @@ mujoco.set_mju_user_warning(lambda text: None)  # else it writes MUJOCO_LOG.TXT
 class _Rows:
     """Where a model is in MuJoCo's arrays."""
 
-    def __init__(self, model: Model, bodies: Mapping[str, int], compiled) -> None:
+    def __init__(
+        self, model: Model, bodies: Mapping[str, int], file: WorldFile, compiled: Any
+    ) -> None:
         self.model = model
         trees = model.assembly.description.trees
         self.roots = [bodies[tree.root] for tree in trees]
+        self.centers = [file.centers[model.name, tree.root] for tree in trees]
         self.bodies = bodies
         joints = [
             compiled.body_jntadr[bodies[joint.child]]
@@ -176,10 +180,11 @@ class MujocoEngine(Engine):
         for number, (model, link) in enumerate(file.links, 1):
             bodies.setdefault(model.name, {})[link] = number
         self._rows = {
-            name: _Rows(model, bodies[name], self._model)
+            name: _Rows(model, bodies[name], file, self._model)
             for name, (model, _) in self._models.items()
         }
         self._geoms = file.geoms
+        self._restitutions = np.array(file.restitutions)
         self._is_compiled = True
         self._write_properties()
         self._write_motors()
@@ -197,6 +202,7 @@ class MujocoEngine(Engine):
         self._velocity_gains = np.zeros(count)
         self._motor_efforts = np.zeros(count)
         self._target_positions, self._target_velocities = np.zeros((2, count))
+        self._model.dof_solimp[:] = FRICTION_IMPEDANCE
         if self.physics != "hold":
             return
         for name, rows in self._rows.items():
@@ -207,7 +213,6 @@ class MujocoEngine(Engine):
             limits = np.minimum(self.effort_limits(model), MAX_EFFORT)
             self._model.dof_frictionloss[rows.velocity] = limits
             self._write_targets(rows)
-        self._model.dof_solimp[:] = MOTOR_IMPEDANCE
 
     def _write_targets(self, rows: _Rows) -> None:
         """Write the targets of a model's motors."""
@@ -228,13 +233,16 @@ class MujocoEngine(Engine):
         option.timestep = step
         option.gravity[:] = properties.gravity
         option.iterations = max(1, properties.sor_pgs_iters)
-        option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICIT
         option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
         option.impratio = FRICTION_RATIO
         option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         # An error decays within the time in which erp corrects it.
         decay = step / min(max(properties.erp, 0.01), 0.5)
         self._model.geom_solref[:] = decay, 1.0
+        ratios = damping_ratios(self._restitutions)
+        self._model.pair_solref[:] = np.stack([decay / ratios, ratios], axis=1)
+        self._model.pair_solimp[:] = IMPEDANCE
         self._model.geom_solimp[:] = IMPEDANCE
         self._model.jnt_solref[:] = decay, 1.0
         self._model.jnt_solimp[:] = IMPEDANCE
@@ -262,9 +270,11 @@ class MujocoEngine(Engine):
                 continue
             joint = self._model.body_jntadr[body]
             at = self._model.jnt_qposadr[joint]
-            data.qpos[at : at + 3], data.qpos[at + 3 : at + 7] = pose[:3], wxyz
+            lever = rotate(pose[3:], rows.centers[number])
+            data.qpos[at : at + 3] = pose[:3] + lever
+            data.qpos[at + 3 : at + 7] = wxyz
             at = self._model.jnt_dofadr[joint]
-            data.qvel[at : at + 3] = twist[:3]
+            data.qvel[at : at + 3] = twist[:3] + cross(twist[3:], lever)
             data.qvel[at + 3 : at + 6] = rotate(conjugate(pose[3:]), twist[3:])
         data.qpos[rows.position] = model.position
         data.qvel[rows.velocity] = model.velocity
@@ -303,12 +313,13 @@ class MujocoEngine(Engine):
         ]
         models = [rows.model for rows in moving]
         trees = [
-            (tree, body)
+            each
             for rows in moving
-            for tree, body in zip(rows.model.trees, rows.roots)
+            for each in zip(rows.model.trees, rows.roots, rows.centers)
         ]
-        free = [row for row, (tree, _) in enumerate(trees) if not tree.fixed]
+        free = [row for row, (tree, _, _) in enumerate(trees) if not tree.fixed]
         joints = self._model.body_jntadr[[trees[row][1] for row in free]]
+        centers = np.array([trees[row][2] for row in free])
         spread = np.arange(7)
         places = self._model.jnt_qposadr[joints][:, np.newaxis] + spread
         speeds = self._model.jnt_dofadr[joints][:, np.newaxis] + spread[:6]
@@ -321,10 +332,13 @@ class MujocoEngine(Engine):
             roots = np.concatenate([model.root_poses for model in models])
             twists = np.zeros((len(roots), 6))
             if free:
-                roots[free] = qpos[places][:, [0, 1, 2, 4, 5, 6, 3]]
-                twists[free] = qvel[speeds]
-                turned = rotate(roots[free, 3:], twists[free, 3:])
-                twists[free, 3:] = turned
+                poses = qpos[places][:, [0, 1, 2, 4, 5, 6, 3]]
+                found = qvel[speeds]
+                found[:, 3:] = rotate(poses[:, 3:], found[:, 3:])
+                lever = rotate(poses[:, 3:], centers)
+                poses[:, :3] -= lever
+                found[:, :3] -= cross(found[:, 3:], lever)
+                roots[free], twists[free] = poses, found
             return (roots, twists), (qpos[positions], qvel[velocities])
 
         self._moving = MovingModels(models, read)
@@ -388,8 +402,9 @@ class MujocoEngine(Engine):
         stiffness, damping, impedance, _ = data.efc_KBIP[rows].T
         depth = data.efc_margin[rows] - data.efc_pos[rows]
         excess = stiffness * impedance * depth - damping * MAX_DEPENETRATION_SPEED
-        if (excess > 0.0).any():
-            data.efc_aref[rows] -= np.maximum(excess, 0.0)
+        is_fast = (excess > 0.0) & (damping**2 > 3.9 * stiffness)  # others bounce
+        if is_fast.any():
+            data.efc_aref[rows] -= np.where(is_fast, excess, 0.0)
 
     def update_models(self) -> None:
         """Give the models the states that the step has computed."""
@@ -496,7 +511,25 @@ class MujocoEngine(Engine):
         return moves and self._model.body_dofnum[self._model.body_weldid[body]] > 0
 
 
-def _compiled(file: WorldFile, name: str):
+def damping_ratios(restitutions: np.ndarray) -> np.ndarray:
+    """Compute the damping with which a spring throws a mass back.
+
+    A mass leaves a spring that does not pull when the force is zero, after half an
+    oscillation less 2 asin(d), with the damping ratio d. Its velocity is then that
+    before times exp(-tan(asin(d)) (pi - 2 asin(d))).
+
+    Args:
+        restitutions: Velocities after and before, from 0 to 1, shape (n,).
+
+    Returns:
+        Relative to critical damping, shape (n,); 1 for less than exp(-2).
+    """
+    angles = np.linspace(1e-3, np.pi / 2.0 - 1e-6, 2000)
+    found = np.exp(-np.tan(angles) * (np.pi - 2.0 * angles))
+    return np.asarray(np.sin(np.interp(-restitutions, -found, angles)))
+
+
+def _compiled(file: WorldFile, name: str) -> tuple[Any, Any]:
     """Compile a world.
 
     Returns:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 
@@ -44,8 +45,9 @@ PRIORITIES = 1e6
 """Priorities per unit of friction: of two shapes, that with the higher priority, i.e.
 the lower friction, sets that of the contact, as in ODE."""
 
-BITS = 32
-"""Bits of MuJoCo's collision masks."""
+BITS, ALL, BOUNCING = 32, 2**31 - 1, 2**30
+"""Number of bits of MuJoCo's collision masks, those that are used, and that of shapes
+that bounce."""
 
 
 class WorldFile:
@@ -66,8 +68,15 @@ class WorldFile:
         self._groups: dict[tuple[str, str], int] = {}
         self.geoms: list[tuple[Model, str]] = []
         """The model and link of each geom."""
+        self._bouncing: list[tuple[int, str, float, float]] = []
+        """Number, model, restitution and friction of the geoms that bounce."""
+        self.restitutions: list[float] = []
+        """Of the pairs of geoms that bounce off each other."""
         self.links: list[tuple[Model, str]] = []
         """Those of each body but the world."""
+        self.centers: dict[tuple[str, str], np.ndarray] = {}
+        """Origins of the bodies of free roots in the frames of their links, by model
+        and link: their centers of mass, which move straight however fast they spin."""
         self.inertias: list[np.ndarray] = []
         """Principal moments of each body but the world, shape (3,)."""
         self.deviations: dict[str, float] = {}
@@ -83,9 +92,23 @@ class WorldFile:
                 *self._assets,
                 "</asset><worldbody>",
                 *self._bodies,
-                "</worldbody></mujoco>",
+                "</worldbody><contact>",
+                *self._pairs(),
+                "</contact></mujoco>",
             ]
         )
+
+    def _pairs(self) -> Iterator[str]:
+        """Write the pairs that bounce: the lower restitution counts, as in Gazebo."""
+        self.restitutions = []
+        for one, other in combinations(self._bouncing, 2):
+            if one[1] != other[1]:
+                self.restitutions.append(min(one[2], other[2]))
+                friction = min(one[3], other[3])
+                yield (
+                    f'<pair geom1="g{one[0]}" geom2="g{other[0]}" '
+                    f'friction="{_row([friction, friction, 0.0, 0.0, 0.0])}"/>'
+                )
 
     def add(self, model: Model, meshes: Mapping[str, Mesh]) -> None:
         """Add the trees of a model.
@@ -111,24 +134,30 @@ class WorldFile:
         for joint in tree.joints:
             below.setdefault(joint.parent, []).append(joint)
 
-        def body(name: str, joint: Joint | None) -> Iterator[str]:
+        def body(name: str, joint: Joint | None, above: np.ndarray) -> Iterator[str]:
             pose = IDENTITY if joint is None else joint.pose
             mocap = ' mocap="true"' if joint is None and fixed else ""
-            yield f'<body pos="{_row(pose[:3])}" quat="{_wxyz(pose[3:])}"{mocap}>'
+            place = _row(pose[:3] - above)
+            yield f'<body pos="{place}" quat="{_wxyz(pose[3:])}"{mocap}>'
             self.links.append((model, name))
+            inertial, origin = links[name].inertial, np.zeros(3)
+            if joint is None and not fixed and inertial is not None:
+                origin = inertial.center_of_mass
+            if joint is None:
+                self.centers[model.name, name] = origin
             if joint is None and not fixed:
                 yield "<freejoint/>"
             elif joint is not None and joint.kind != "fixed":
                 yield self._joint(joint)
-            yield self._inertial(links[name])
+            yield self._inertial(links[name], origin)
             for shape in links[name].collisions:
                 if is_there(shape, meshes):
-                    yield from self._geoms(model, links[name], shape, meshes)
+                    yield from self._geoms(model, links[name], shape, meshes, origin)
             for next_joint in below.get(name, ()):
-                yield from body(next_joint.child, next_joint)
+                yield from body(next_joint.child, next_joint, origin)
             yield "</body>"
 
-        return body(tree.root, None)
+        return body(tree.root, None, np.zeros(3))
 
     def _joint(self, joint: Joint) -> str:
         """Write a movable joint."""
@@ -144,7 +173,7 @@ class WorldFile:
             f'frictionloss="{friction!r}"/>'
         )
 
-    def _inertial(self, link: Link) -> str:
+    def _inertial(self, link: Link, origin: np.ndarray) -> str:
         """Write mass properties; the moments may be beyond what MuJoCo compiles."""
         inertial = link.inertial or (UNKNOWN if link.name != WORLD else None)
         if inertial is None:
@@ -158,13 +187,18 @@ class WorldFile:
         # Replaced after the compilation, which checks the triangle inequality.
         largest = _row(np.full(3, moments.max()))
         return (
-            f'<inertial pos="{_row(inertial.center_of_mass)}" '
+            f'<inertial pos="{_row(inertial.center_of_mass - origin)}" '
             f'quat="{_wxyz(from_rpy(axes_to_rpy(axes)))}" mass="{inertial.mass!r}" '
             f'diaginertia="{largest}"/>'
         )
 
     def _geoms(
-        self, model: Model, link: Link, shape: Shape, meshes: Mapping[str, Mesh]
+        self,
+        model: Model,
+        link: Link,
+        shape: Shape,
+        meshes: Mapping[str, Mesh],
+        origin: np.ndarray,
     ) -> Iterator[str]:
         """Write a shape, of a mesh the hull of each part."""
         forms = [f'type="{shape.kind}" size="{_size(shape)}"']
@@ -177,28 +211,34 @@ class WorldFile:
             forms = [f'type="mesh" mesh="{name}"' for name in names]
         friction = DEFAULT_FRICTION if shape.friction is None else shape.friction
         friction = min(friction, MAX_FRICTION)
-        kind, affinity = self._masks(model, link)
+        kind, affinity = self._masks(model, link, bool(shape.restitution))
         for form in forms:
+            number, name = len(self.geoms), ""
+            if shape.restitution:
+                name = f'name="g{number}" '
+                bounce = number, model.name, min(shape.restitution, 1.0), friction
+                self._bouncing.append(bounce)
             self.geoms.append((model, link.name))
             yield (
-                f'<geom {form} pos="{_row(shape.pose[:3])}" '
+                f'<geom {name}{form} pos="{_row(shape.pose[:3] - origin)}" '
                 f'quat="{_wxyz(quaternion)}" contype="{kind}" '
                 f'conaffinity="{affinity}" friction="{friction!r} 0 0" '
                 f'priority="{round((MAX_FRICTION - friction) * PRIORITIES)}"/>'
             )
 
-    def _masks(self, model: Model, link: Link) -> tuple[int, int]:
+    def _masks(self, model: Model, link: Link, bounces: bool) -> tuple[int, int]:
         """Choose collision masks: links of one model pass through each other.
 
         As in Gazebo, a nested model counts as another model. The bodies of a single
-        link need no mask of their own.
+        link need no mask of their own. Shapes that bounce collide as pairs.
         """
+        affinity = ALL & ~BOUNCING if bounces else ALL
         if len(model.link_names) == 1:
-            return 1, 2**31 - 1
+            return BOUNCING if bounces else 1, affinity
         scope = model.name, link.name.rpartition(SCOPE)[0]
         number = self._groups.setdefault(scope, len(self._groups))
-        bit = 2 << number % (BITS - 2)
-        return bit, (2**31 - 1) & ~bit
+        bit = 2 << number % (BITS - 3)
+        return BOUNCING if bounces else bit, ALL & ~BOUNCING & ~bit
 
     def _hulls(self, shape: Shape, mesh: Mesh) -> list[str]:
         """Write the hulls of a mesh, each once per scale; return their names."""
