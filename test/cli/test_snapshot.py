@@ -165,6 +165,12 @@ def test_moments_of_a_motion_of_the_g1_stand_side_by_side(tmp_path, snapshot, ca
         assert (np.abs(one - other).max(axis=2) > 30).sum() > 50
 
 
+def test_a_sheet_without_times_has_six_moments(tmp_path, snapshot, arm, capsys):
+    out = tmp_path / "sheet.png"
+    snapshot(out, "--motion", MOTION, "--model", arm, "--size", "360x160")
+    assert capsys.readouterr().out.startswith(f"{out}: 6 moments, ")
+
+
 def test_a_motion_is_filmed_as_gif_and_mp4(tmp_path, snapshot, arm):
     """Ffmpeg reads the latter back: all its pictures, and the robot going aside."""
     wanted = ("--motion", MOTION, "--model", arm, "--view", "front", "--fps", "4")

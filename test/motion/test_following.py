@@ -101,7 +101,8 @@ def test_nan_is_no_tolerance(where):
     asked = {"path": [], "goal": [], "time": 0.0}
     wrong = math.nan if where == "time" else [JointTolerance("elbow", 0.0, math.nan)]
     asked[where] = wrong
-    with pytest.raises(InvalidValueError, match="NaN"):
+    what = "goal_time_tolerance" if where == "time" else "tolerance of elbow"
+    with pytest.raises(InvalidValueError, match=f"{what} must not be NaN"):
         tolerances_of_goal(NAMES, Constraints(), *asked.values())
 
 
