@@ -547,6 +547,14 @@ def test_the_ending_of_a_name_does_not_matter_to_a_format_that_can_be_told(g1, f
         assert read_motion(file(pickle.dumps(gmr()), name), g1).notes == ()
 
 
+@pytest.mark.parametrize("speed", [0, 1])
+def test_velocities_that_are_all_zero_though_joints_move_are_unknown(g1, file, speed):
+    rows = f"0,0,{speed}\n1,1,0\n2,1,0\n"
+    text = f"time,left_elbow_joint,left_elbow_joint.velocity\n{rows}"
+    motion = read_motion(file(text, "streamed.csv"), g1)
+    assert (motion.velocities is not None) == bool(speed)
+
+
 def test_folders_pipes_and_large_files_are_told(g1, tmp_path):
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)

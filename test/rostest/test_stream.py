@@ -1,15 +1,18 @@
 """g1_description.Stream, and the messages that Robot makes, on a robot that runs."""
 
 import re
+import signal
 import subprocess
 import sys
 import unittest
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import rospy
 from g1_description.msg import RobotState, RobotTrajectory
 from std_srvs.srv import Empty
-from support.ros_testing import DEADLINE, REPOSITORY, Connected, Listener
+from support.ros_testing import DEADLINE, REPOSITORY, Connected, Listener, program
 
 from g1_description import Robot, Stream
 from g1_description.errors import G1DescriptionError, UnknownNameError
@@ -53,6 +56,34 @@ class TestStream(unittest.TestCase):
         poses = ROBOT.link_poses([m.position for m in shown], bases)
         for foot in FEET:
             self.assertLess(np.ptp(poses[foot], axis=0).max(), 4e-4)
+
+    def folder(self):
+        """Give a folder that goes with the test; enterContext is new in Python 3.11."""
+        folder = TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        return folder.name
+
+    def test_a_recorded_stream_passes_its_checks(self):
+        """Streamed configurations have no velocities: their zeros must not count."""
+        squat = ROBOT.read_motion("squat.csv")
+        file = Path(self.folder(), "streamed.csv")
+        with Stream(rate=50) as stream:
+            stream.send(squat.positions[0], squat.base[0])
+            record = subprocess.Popen(
+                [program("record"), file],
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                text=True,
+            )
+            self.assertIn("recording", record.stdout.readline())
+            for row in zip(squat.positions, squat.base):
+                stream.send(*row)
+        record.send_signal(signal.SIGINT)
+        self.assertEqual(record.wait(DEADLINE), 0, record.communicate()[0])
+        self.assertNotIn(".velocity", file.read_text())
+        verdict = ROBOT.check(file, only=["drift", "skating"])
+        self.assertEqual(verdict.findings, ())
+        self.assertGreater(verdict.figures["contact_share"], 0.99)
 
     def test_what_is_not_named_stays(self):
         before = self.states.messages[-1]

@@ -9,7 +9,7 @@ import signal
 import sys
 import time
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Union
@@ -30,6 +30,7 @@ from g1_description.command_line import (
     within,
 )
 from g1_description.errors import G1DescriptionError, InvalidValueError
+from g1_description.motion.files.conventions import known_velocities
 from g1_description.robot.description import Description
 from g1_description.ros.lifecycle import handle_signals, own_arguments, start_node
 from g1_description.ros.robot_view import wait_for_description
@@ -216,6 +217,8 @@ def save(recorder: Recorder, robot: Description, args: RecordOptions) -> None:
         G1DescriptionError: If it cannot be written.
     """
     trajectory, begin = recorder.trajectory()
+    # Of streamed configurations they are all zero.
+    trajectory = replace(trajectory, velocities=known_velocities(trajectory))
     rate = args.rate or None
     notes = write_motion_file(args.out, trajectory, robot, rate, begin)
     for note in (*recorder.notes, *notes):

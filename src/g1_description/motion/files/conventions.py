@@ -215,19 +215,21 @@ def base_of(
     return np.concatenate([places, turns], axis=1)
 
 
-def known(velocities: np.ndarray, positions: np.ndarray) -> np.ndarray | None:
-    """Return velocities; None if they are all zero though positions change.
+def known_velocities(motion: Motion) -> np.ndarray | None:
+    """Return the velocities of joints; None if all are zero though positions change.
 
-    Some writers fill in zeros.
+    Some writers fill in zeros, and streamed configurations have no velocities.
     """
-    is_moving = len(positions) > 1 and bool(np.ptp(positions, axis=0).any())
-    return None if is_moving and not velocities.any() else velocities
+    velocities, positions = motion.velocities, motion.positions
+    if velocities is None or velocities.any() or len(positions) < 2:
+        return velocities
+    return None if np.ptp(positions, axis=0).any() else velocities
 
 
 def read_velocities(
     arrays: Arrays, name: str, positions: np.ndarray
 ) -> np.ndarray | None:
-    """Read an array of velocities; None if it is missing, or not ``known``.
+    """Read an array of velocities; None if it is missing.
 
     Args:
         arrays: Those of the file.
@@ -239,7 +241,7 @@ def read_velocities(
     """
     if name not in arrays:
         return None
-    return known(arrays.numbers(name, *positions.shape), positions)
+    return arrays.numbers(name, *positions.shape)
 
 
 def root_of(links: Sequence[str], robot: Description) -> int:

@@ -44,6 +44,7 @@ from g1_description.motion.files.conventions import (
     ISAAC_LAB,
     breadth_first,
     check_radians,
+    known_velocities,
     with_endings,
 )
 from g1_description.motion.files.hints import hints
@@ -206,7 +207,9 @@ def read_source(
         if source.name is not None and not _names(module, source):
             raise MotionError("The file has no motions with names.")
         motion = module.read(source, robot)
-        motion = replace(motion, name=source.name or file)
+        motion = replace(
+            motion, name=source.name or file, velocities=known_velocities(motion)
+        )
         motion = with_endings(motion, robot)
         motion = replace(
             motion, notes=(*motion.notes, *_ignored(source, module, motion, robot))

@@ -24,7 +24,6 @@ from g1_description.errors import MotionError
 from g1_description.motion.files.arrays import Arrays
 from g1_description.motion.files.conventions import (
     base_of,
-    known,
     layouts,
     names_of_columns,
 )
@@ -113,7 +112,7 @@ def read(source: MotionSource, robot: Description) -> Motion:
     positions = rest[:, :n_joints]
     velocities = None
     if speeds is not None and speeds.shape[1] >= FREE - 1 + n_joints:
-        velocities = known(speeds[:, FREE - 1 : FREE - 1 + n_joints], positions)
+        velocities = speeds[:, FREE - 1 : FREE - 1 + n_joints]
     times, of_times = _times(arrays, manifest, len(rows))
     notes = (*notes, *of_joints, *of_times)
     if times is not None:

@@ -22,7 +22,6 @@ from g1_description.motion.files.conventions import (
     ISAAC_JOINTS,
     base_of,
     isaac_joints,
-    known,
 )
 from g1_description.motion.files.source import MotionSource
 from g1_description.motion.files.writing import bodies, prepared, velocities_of
@@ -77,8 +76,6 @@ def read(source: MotionSource, robot: Description) -> Motion:
     joints = isaac_joints(source) if JOINTS in tables else ()
     positions = tables.get(JOINTS, np.empty((n_samples, 0)))
     velocities = tables.get(SPEEDS) if joints else None
-    if velocities is not None:
-        velocities = known(velocities, positions)
     times = np.arange(n_samples, dtype=float)
     motion = Motion(times, joints, positions, velocities, base, notes)
     return source.timed(motion, RATE, "the rate of all motions of SONIC")
