@@ -119,7 +119,7 @@ def floating():
 
 def base_jumping():
     base = np.tile([0.0, 0, 0, 0, 0, 0, 1], (len(TIMES), 1))
-    base[TIMES >= 1.2, 1] = 0.3
+    base[TIMES >= 1.2, 1] = 0.05
     return motion(standing(), base)
 
 
@@ -178,7 +178,7 @@ FAULTS = {
     "skating": (skating, ("left_ankle_roll_link",), 0.5, 0.0),
     "drift": (drifting, ("left_ankle_roll_link",), 0.06, TIMES[-1]),
     "floating": (floating, (), 0.05, 0.0),
-    "base_jump": (base_jumping, ("base",), 0.3, 1.2),
+    "base_jump": (base_jumping, ("base",), 0.05, 1.2),
     "center_of_mass": (lambda: leaning(0.01), (), 0.01, None),
 }
 """By check: the motion, whose fault it is, its size, and when it is largest."""
@@ -271,6 +271,29 @@ def test_a_foot_that_steps_does_not_skate():
     (first, *_) = sliding.findings
     assert 1.0 < first.first_time < 1.2
     assert first.worst == pytest.approx(1.2, rel=0.1)
+
+
+def test_a_drift_is_when_the_foot_moves_not_after_it():
+    base = np.tile([0.0, 0, 0, 0, 0, 0, 1], (len(TIMES), 1))
+    base[:, 0] = 0.06 * np.clip((TIMES - 0.5) / 1.0, 0.0, 1.0)
+    left, _ = check(motion(standing(), base), only=["drift"]).findings
+    ((begin, end),) = left.intervals
+    assert (begin, end) == pytest.approx((0.5, 1.5), abs=0.06)
+    assert left.worst == pytest.approx(0.06, rel=0.05)
+
+
+@pytest.mark.parametrize("seconds", [0.4, 0.8, 1.2])
+def test_a_foot_that_is_lifted_and_put_down_does_not_hover(seconds):
+    """Its leg bends; the other one stands."""
+    positions = standing()
+    phase = np.clip((TIMES - 0.5) / seconds, 0.0, 1.0)
+    bend = 0.5 * (1.0 - np.cos(2.0 * np.pi * phase))
+    for joint, angle in (("hip_pitch", -0.5), ("knee", 1.0), ("ankle_pitch", -0.5)):
+        positions[:, column(f"right_{joint}")] += angle * bend
+    found = check(motion(positions), only=["floating"])
+    assert found.findings == ()
+    assert found.bearing["left_ankle_roll_link"] == ((0.0, TIMES[-1]),)
+    assert len(found.bearing["right_ankle_roll_link"]) == 2
 
 
 def test_what_skates_does_not_drift_unless_that_is_not_checked():

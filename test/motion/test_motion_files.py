@@ -547,6 +547,18 @@ def test_the_ending_of_a_name_does_not_matter_to_a_format_that_can_be_told(g1, f
         assert read_motion(file(pickle.dumps(gmr()), name), g1).notes == ()
 
 
+@pytest.mark.parametrize("prefix", ["base_", "root_", "", "pelvis_"])
+def test_the_base_may_have_any_prefix(g1, file, prefix):
+    parts = ("x", "y", "z", "qx", "qy", "qz", "qw")
+    names = ",".join(prefix + part for part in parts)
+    text = f"time,{names},left_elbow_joint\n0,1,2,3,0,0,0,1,0.5\n"
+    motion = read_motion(file(text, "based.csv"), g1)
+    assert motion.base_poses.tolist() == [[1, 2, 3, 0, 0, 0, 1]]
+    assert motion.joint_names == ("left_elbow_joint",)
+    told = "pelvis_x ... pelvis_qw are read as those of the base."
+    assert (told in motion.notes) == (prefix == "pelvis_")
+
+
 @pytest.mark.parametrize("speed", [0, 1])
 def test_velocities_that_are_all_zero_though_joints_move_are_unknown(g1, file, speed):
     rows = f"0,0,{speed}\n1,1,0\n2,1,0\n"

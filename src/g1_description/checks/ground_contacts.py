@@ -258,6 +258,7 @@ class Ground:
                 is_short = times[last] - times[first] < limits.shortest_contact
                 if is_between and is_short and is_near[first : last + 1, column].all():
                     stood[first : last + 1] = True
+            _trim_steps(stood, heights[:, column], touches[:, column])
             stood[:] = without_short(times, stood, limits.shortest_contact)
         return in_contact
 
@@ -287,6 +288,24 @@ class Ground:
         is_lonely = without_short(times, is_lonely, SLIDE_WINDOW)
         touches |= lowest & is_lonely[:, np.newaxis]
         return _mean_speeds(frames.slide, touches & ~is_unknown[:, np.newaxis], times)
+
+
+def _trim_steps(stood: np.ndarray, heights: np.ndarray, touches: np.ndarray) -> None:
+    """End contacts where a foot is lifted, and begin them where it is set down.
+
+    Args:
+        stood: Whether a link supports the robot, shape (n,); is changed.
+        heights: Of its lowest point in [m], shape (n,).
+        touches: Whether that touches the floor, shape (n,).
+    """
+    end, rises = len(stood) - 1, np.diff(heights) > 0.0
+    for first, last in runs(stood):
+        while 0 < first < last and not (touches[first] or rises[first]):
+            stood[first] = False
+            first += 1
+        while first < last < end and rises[last - 1] and not touches[last]:
+            stood[last] = False
+            last -= 1
 
 
 def _mean_speeds(

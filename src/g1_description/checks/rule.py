@@ -130,6 +130,7 @@ class Rule:
         text: str,
         unit: str = "",
         points: np.ndarray | None = None,
+        spans: np.ndarray | None = None,
     ) -> Finding | None:
         """Compare sizes with the thresholds.
 
@@ -141,6 +142,8 @@ class Rule:
                 or nothing for a single configuration.
             unit: Of the sizes; empty: that of the rule.
             points: Points to mark, in the map, in [m], shape (n, 3) or (n, k, 3).
+            spans: Sizes that are compared for the intervals, shape (n,); None: the
+                same.
 
         Returns:
             The finding; None if no size exceeds a threshold.
@@ -156,7 +159,7 @@ class Rule:
         severity, bound = self.severity(measured.robot.thresholds, worst)
         if not severity:
             return None
-        is_beyond = self.exceeds(sizes, bound)
+        is_beyond = self.exceeds(sizes if spans is None else spans, bound)
         rows = () if points is None else np.reshape(points[at], (-1, 3)).tolist()
         when = f" at {worst_time:.3f} s" if len(times) > 1 else ""
         return Finding(

@@ -20,6 +20,9 @@ FREE_FALL = 0.5
 """A robot in the air with less downward acceleration than this fraction of gravity
 floats."""
 
+MOVING = 0.1
+"""A link that drifts moves where it is faster than this fraction of its fastest."""
+
 SHORTEST_FLIGHT = 0.1
 """Shorter times in the air are not checked, in [s]: noise hides the acceleration."""
 
@@ -68,11 +71,20 @@ def _drifts(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
     frames, speeds = _ground(measured), measured.once(slides)
     is_slow = ~SKATING.exceeds(speeds, SKATING.lowest(measured.robot.thresholds))
     moves = frames.moves * is_slow[..., np.newaxis]
-    sizes = drifts(moves, ~np.isnan(speeds), measured.times)
+    touches = ~np.isnan(speeds)
+    sizes = drifts(moves, touches, measured.times)
     for column in rule.columns(measured, sizes):
         link, points = measured.ground_links[column], frames.lowest[:, column]
+        whole = np.full(len(sizes), np.nan)  # of a contact, while the link moves
+        for first, last in runs(touches[:, column]):
+            rows = slice(first, last + 1)
+            speed = speeds[rows, column]
+            is_moving = speed > MOVING * speed.max()
+            whole[rows] = np.where(is_moving, sizes[rows, column].max(), np.nan)
         text = f"{link} drifts {{worst:.4g}} m while it touches the floor{{when}}"
-        yield rule.compared(measured, (link,), sizes[:, column], text, points=points)
+        yield rule.compared(
+            measured, (link,), sizes[:, column], text, points=points, spans=whole
+        )
 
 
 def _floating(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
@@ -81,7 +93,7 @@ def _floating(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
     heights = np.where(frames.in_contact, frames.heights, np.nan)
     for column in rule.columns(measured, heights):
         link, points = measured.ground_links[column], frames.lowest[:, column]
-        text = f"{link} supports the robot {{worst:.4g}} m above the floor{{when}}"
+        text = f"{link} hovers {{worst:.4g}} m above the floor as a support{{when}}"
         yield rule.compared(measured, (link,), heights[:, column], text, points=points)
     lowest = np.argmin(frames.heights, axis=1)
     points = frames.lowest[np.arange(len(lowest)), lowest]

@@ -5,7 +5,7 @@ joints, as in the LAFAN1 retargeting set of the G1. Tables of Kimodo have w firs
 is detected. With a header, which may be a comment, the columns are named:
 
 - ``time``, unless the user or the name of the file tells the rate;
-- ``base_x`` to ``base_qw``, also as ``root_x`` and ``x``, or none of them;
+- ``base_x`` to ``base_qw``, also with another prefix or none, or none of them;
 - each joint by its name;
 - ``NAME.velocity`` for each joint, or for none.
 
@@ -33,9 +33,6 @@ from g1_description.text import listed
 TIME = "time"
 BASE = tuple(f"base_{part}" for part in ("x", "y", "z", "qx", "qy", "qz", "qw"))
 """Columns of the base: position in [m] and quaternion."""
-
-OTHER_PREFIXES = ("root_", "")
-"""What others put before the parts of these names."""
 
 VELOCITY = ".velocity"
 """Suffix of the columns of joint velocities."""
@@ -179,11 +176,13 @@ def _headed(
     robot: Description,
 ) -> Motion:
     """Read a table with a header, whose line has this number."""
-    shown = names
-    for prefix in OTHER_PREFIXES:
+    shown, notes = names, []
+    for prefix in [name[:-2] for name in names if name.endswith("qw")]:
         others = [name.replace("base_", prefix) for name in BASE]
         if {*others} <= {*names}:
             names = [dict(zip(others, BASE)).get(name, name) for name in names]
+            if prefix not in ("base_", "root_", ""):
+                notes.append(f"{prefix}x ... {prefix}qw are read as those of the base.")
     check_once(number, names)
     base = [name for name in BASE if name in names]
     joints = [
@@ -218,14 +217,15 @@ def _headed(
     def of(needed: Sequence[str]) -> np.ndarray:
         return values[:, [names.index(name) for name in needed]]
 
-    is_told = bool(base) and source.order is not None
+    if base and source.order is not None:
+        notes.append("The header names the quaternion: --order is ignored.")
     motion = Motion(
         np.arange(len(values)) if has_rate else values[:, names.index(TIME)],
         tuple(joints),
         of(joints),
         of(velocities) if has_velocities else None,
         of(BASE) if base else None,
-        ("The header names the quaternion: --order is ignored.",) if is_told else (),
+        tuple(notes),
     )
     return source.timed(motion, DEFAULT_RATE, "") if has_rate else motion
 
