@@ -170,6 +170,18 @@ def test_findings_of_one_cause_share_a_strip_and_a_button():
     assert findings.title([arm, elbow]) == "1.50 s  velocity e - r +1"
 
 
+def test_a_button_tells_its_finding_and_jumps_there(server, client, ui):
+    jumps, arm = [], finding((1.0, 2.0), subject=("l", "r"), text="l in r by 3 mm")
+    panel = findings.FindingList(server.gui, ui, jumps.append, False)
+    panel.show(Verdict("r", (arm,), ("velocity",)), (0.0, 10.0))
+    client.press(findings.title([arm]))
+    wait_for(lambda: ui.do_all() or jumps, "the click")
+    assert jumps == [arm.worst_time]
+    assert panel._chosen.content == findings.plain(arm.text)
+    panel.begin("other.csv")
+    assert panel._chosen.content == ""
+
+
 def test_a_verdict_in_a_line():
     def told(*severities, **more):
         found = (finding((0.0, 1.0), severity=s) for s in severities)
@@ -188,6 +200,8 @@ def test_a_verdict_in_a_line():
     assert findings.title([finding((1.5, 2.0), subject=("l", "r"))]) == (
         "1.50 s  velocity l - r"
     )
+    jump = replace(finding((1.5, 2.0), subject=("base",)), check="base_jump")
+    assert findings.title([jump]) == "1.50 s  base jump"
 
 
 # --- sliders ---

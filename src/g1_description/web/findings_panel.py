@@ -56,6 +56,7 @@ class FindingList:
             # Kept: removing them during their creation is an error in the browser.
             self._summary = gui.add_markdown("")
             self._strips = gui.add_html("")
+            self._chosen = gui.add_markdown("")
 
     def begin(self, name: str) -> None:
         """Show that a motion is being checked."""
@@ -73,7 +74,7 @@ class FindingList:
         for button in self._buttons:
             button.remove()
         self._buttons = []
-        self._strips.content = ""
+        self._strips.content = self._chosen.content = ""
 
     def show(self, verdict: Verdict, span: tuple[float, float]) -> None:
         """Show findings.
@@ -104,15 +105,22 @@ class FindingList:
             hint=cause_text(findings),
             color="red" if worst.severity == FAILED else "orange",
         )
-        self._ui.on(button, lambda: self._jump(worst.worst_time))
+
+        def choose() -> None:
+            self._chosen.content = plain(cause_text(findings))
+            self._jump(worst.worst_time)
+
+        self._ui.on(button, choose)
         return button
 
 
 def title(findings: Sequence[Finding]) -> str:
     """Format the findings of one cause in a few words, with the time of the worst."""
     worst = worst_of(findings)
-    subject = " - ".join(short_name(name) for name in worst.subject)
     what = worst.check.replace("_", " ")
+    words = what.split()  # "base jump base" says it twice
+    names = (name for name in worst.subject if name not in words)
+    subject = " - ".join(map(short_name, names))
     more = f" +{len(findings) - 1}" if len(findings) > 1 else ""
     return f"{shown_time(worst.worst_time)}  {what} {subject}".strip() + more
 
