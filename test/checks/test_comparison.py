@@ -1,5 +1,6 @@
 """What a comparison of an executed motion with its reference says."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -112,6 +113,9 @@ def test_feet_that_slip_and_findings_are_told_with_the_errors(checker):
     assert beyond
     assert max(joint for _, joint, _ in beyond) > 1.9
     assert f"left_ankle_roll_link slides {after:.3f} m" in str(found)
+    errors = executed.positions - reference.positions
+    total = np.sqrt(np.mean(errors**2))
+    assert re.search(r"rms error ([\d.]+)", str(found)).group(1) == f"{total:.4f}"
 
 
 def test_a_finding_between_the_samples_of_the_reference_is_told(checker):

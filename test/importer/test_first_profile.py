@@ -5,7 +5,7 @@ from conftest import REPOSITORY
 
 from g1_description.api import Robot
 from g1_description.importer.command import run
-from g1_description.importer.profile import guessed_links
+from g1_description.importer.profile import _scalar, guessed_links
 from g1_description.robot.poses import read_file
 
 FIVE = REPOSITORY / "test" / "data" / "five_links.urdf"
@@ -77,6 +77,19 @@ def test_what_its_user_wrote_stays(out):
     run([str(FIVE), "--out", str(out), "--force"])
     assert Robot(FIVE).profile.standing_pose == "low"
     assert not (out / "poses.yaml").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "written"),
+    [
+        ("my_robot", "my_robot"),
+        ("left/foot.1", "left/foot.1"),
+        *(("false", '"false"'), ("12", '"12"'), ("a: b", '"a: b"'), ("a #b", '"a #b"')),
+        *(("a, b", '"a, b"'), ("[a", '"[a"'), ("", '""')),
+    ],
+)
+def test_names_are_quoted_where_yaml_would_read_something_else(name, written):
+    assert _scalar(name) == written
 
 
 def test_several_robots_have_no_profile(out, tmp_path):

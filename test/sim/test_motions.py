@@ -241,6 +241,11 @@ def test_a_single_sample_shows_its_velocities_and_rests(world, model):
 
 def test_limits_are_kept_but_for_rounding(world, model):
     upper = model.upper[model.joint_row(ELBOW)]
+    lower = model.lower[model.joint_row(ELBOW)]
+    for inside in ((lower, upper), (lower - 9e-4, upper + 9e-4)):
+        assert world.motions.play(model, elbow(*inside), STEP).clamped == {}
+    report = world.motions.play(model, elbow(lower - 0.2, lower), STEP)
+    assert report.clamped == {ELBOW: (lower - 0.2, lower)}
     report = world.motions.play(model, elbow(upper + 9e-4, upper + 0.2), STEP)
     assert report.clamped == {ELBOW: (upper + 0.2, upper)}
     world.step()

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
-import re
+from contextlib import suppress
 from pathlib import PurePath
 
+from g1_description.files.yaml import YamlError, parse_yaml
 from g1_description.importer.robot import ImportedRobot
 from g1_description.robot.description import Description, limb_of
 from g1_description.robot.profile import FILE
@@ -81,9 +82,10 @@ def guessed_links(description: Description) -> dict[str, str]:
 
 def _scalar(name: str) -> str:
     """Write a name in YAML, in quotation marks where it needs them."""
-    is_plain = re.fullmatch(r"[A-Za-z][\w./-]*", name, re.ASCII) is not None
-    is_word = name.lower() in ("true", "false", "null", "yes", "no", "on", "off")
-    return name if is_plain and not is_word else json.dumps(name)
+    with suppress(YamlError):
+        if parse_yaml(name.encode()) == name and not {*name} & {*",[]{}"}:
+            return name
+    return json.dumps(name)
 
 
 def _text(lines: list[str]) -> bytes:
