@@ -14,8 +14,8 @@ import rosnode
 import rospy
 from g1_description.srv import Step
 from gazebo_msgs.msg import LinkStates, ModelState
-from gazebo_msgs.srv import GetJointProperties, GetModelState
-from geometry_msgs.msg import TransformStamped
+from gazebo_msgs.srv import GetJointProperties, GetModelState, SetModelState
+from geometry_msgs.msg import Point, Pose, Quaternion, TransformStamped
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
 from support.ros_testing import (
@@ -179,10 +179,17 @@ class TestLifecycle(Moving):
         self.run_for(0.5)
         self.check_stamps(jumps=2)
 
-    def test_3_reset_world_keeps_time_and_joints(self):
+    def test_3_reset_world_keeps_time_and_joints_and_takes_the_robot_home(self):
         self.command(KNEE, 1.25)
         before = self.wait_for_joint(KNEE, 1.25).header.stamp
+        find = rospy.ServiceProxy("/gazebo/get_model_state", GetModelState)
+        away = ModelState(
+            model_name="g1_robot", pose=Pose(Point(3, 2, 1), Quaternion(w=1))
+        )
+        rospy.ServiceProxy("/gazebo/set_model_state", SetModelState)(away)
+        self.assertEqual(find("g1_robot", "").pose.position, Point(3, 2, 1))
         rospy.ServiceProxy("/gazebo/reset_world", Empty)()
+        self.assertEqual(find("g1_robot", "").pose.position, Point(1, 0, 1))
         after = self.wait_for_joint(KNEE, 1.25).header.stamp
         self.assertGreater(after, before)
 
