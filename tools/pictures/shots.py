@@ -159,7 +159,8 @@ def _animate(
         frames.append(Image.new("RGB", (half.width + 2 + beside.width, height)))
         frames[-1].paste(half, (0, 0))
         frames[-1].paste(beside, (half.width + 2, 0))
-    colors = frames[0].quantize(128)
+    all_frames = np.concatenate([np.asarray(frame)[::2] for frame in frames])
+    colors = Image.fromarray(all_frames).quantize(256)
     first, *others = [frame.quantize(palette=colors, dither=0) for frame in frames]
     first.save(file, save_all=True, append_images=others, duration=100, loop=0)
 
