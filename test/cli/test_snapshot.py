@@ -95,7 +95,7 @@ def test_a_sheet_has_as_little_empty_room_as_fits(n, ratio, columns):
         (["a.png"], "There is no master at http://localhost:9"),
         (["a.png", "--model", "nowhere.urdf"], "Cannot use the model nowhere.urdf"),
         (["a.gif", "--model", "arm"], "an animation of --model needs --m"),
-        (["a.png", "--motion", "no.csv"], "no.csv cannot be read: No such file"),
+        (["a.png", "--motion", "no.csv"], "no.csv does not exist."),
         (["a.png", "--motion", MOTION, "--model", TREE], "none of the motion's joints"),
         (
             ["a.png", "--motion", MOTION, "--times", "0,9"],
