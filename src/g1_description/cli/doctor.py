@@ -550,7 +550,7 @@ def check_master(system: System) -> Fault | str:
     try:
         ask(uri, "getPid")
     except (OSError, LookupError) as error:
-        message = f"There is no master at {uri}: {reason_of(error)}."
+        message = f"No ROS master at {uri}: {reason_of(error)}."
         if system.master_is_here:
             return Fault("no_master", message, DISPLAY)
         return Fault("no_remote_master", message, f"ssh {host} roscore")
