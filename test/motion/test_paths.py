@@ -38,13 +38,14 @@ def test_other_names_are_paths(name):
     [
         ("squt.csv", "squt.csv does not exist; did you mean squat.csv?"),
         ("sqat", "sqat does not exist; did you mean squat.csv?"),
-        ("./to_left.csv", "to_left.csv does not exist; did you mean to_the_left.npz?"),
+        ("./to_left.npz", "to_left.npz does not exist; did you mean to_the_left.npz?"),
         ("no/squt.csv", "no/squt.csv does not exist."),
         ("x.csv", "x.csv does not exist."),
     ],
 )
 def test_a_missing_motion_is_told_with_similar_names(folder, name, told):
-    (folder / "to_the_left.npz").touch()
+    for file in ("to_the_left.npz", "squt.md"):
+        (folder / file).touch()
     with pytest.raises(MotionError) as error:
         Robot().read_motion(name)
     assert str(error.value) == told

@@ -109,7 +109,9 @@ def absent(path: Path) -> str:
     folders = [path.parent]
     if len(path.parts) == 1:
         folders.append(share_folder() / "motions")
-    known = {file.stem: file.name for folder in folders for file in folder.glob("*")}
+    end = path.suffix or ".csv"
+    files = (file for folder in folders for file in folder.glob("*"))
+    known = {file.stem: file.name for file in files if file.suffix == end}
     near = [known[stem] for stem in similar(path.stem, sorted(known))]
     return f"{path} does not exist" + (
         f"; did you mean {' or '.join(near)}?" if near else "."
