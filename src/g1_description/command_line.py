@@ -24,15 +24,29 @@ class OneSentenceParser(argparse.ArgumentParser):
     misuse = 1
     """Exit code where the command line is wrong."""
 
+    def __init__(self, **given: Any) -> None:
+        # An abbreviation may become ambiguous with the next version.
+        super().__init__(allow_abbrev=False, **given)
+
     def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Parse; end with a sentence about what is unknown, with a likely name."""
         given, unknown = self.parse_known_args(args, namespace)
         if unknown:
-            known = [name for action in self._actions for name in action.option_strings]
-            near = similar(unknown[0].partition("=")[0], known)
-            hint = f" (did you mean {near[0]}?)" if near else ""
+            names = (name for action in self._actions for name in action.option_strings)
+            known = {name.lstrip("-"): name for name in names}
+            near = similar(unknown[0].partition("=")[0].lstrip("-"), known)
+            hint = f" (did you mean {known[near[0]]}?)" if near else ""
             self.error(f"unrecognized arguments: {' '.join(unknown)}{hint}")
         return given
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        """Raise an error about a value that is no choice, with a likely one."""
+        try:
+            super()._check_value(action, value)
+        except argparse.ArgumentError as error:
+            near = similar(str(value), map(str, action.choices or ()))
+            error.message += f" (did you mean {near[0]}?)" if near else ""
+            raise
 
     def error(self, message: str) -> Any:
         """End with a sentence, without the usage."""

@@ -13,6 +13,7 @@ import rospy
 from g1_description.api import JointValues, Robot
 from g1_description.errors import InvalidValueError
 from g1_description.msg import RobotTrajectory
+from g1_description.ros.lifecycle import no_master
 from g1_description.ros.waiting import NoAnswerError, wait_until
 
 TIMEOUT = 10.0
@@ -55,10 +56,7 @@ class Stream:
         if not 0.0 < rate < float("inf"):
             raise InvalidValueError(f"rate must be greater than 0 Hz (got {rate:g}).")
         if not rosgraph.is_master_online():
-            raise NoAnswerError(
-                f"No ROS master at {rosgraph.get_master_uri()}; is display.launch "
-                "running?"
-            )
+            raise NoAnswerError(no_master())
         if not rospy.core.is_initialized():
             rospy.init_node("stream", anonymous=True)
         prefix = namespace.strip("/") + "/" if namespace.strip("/") else ""

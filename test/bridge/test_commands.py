@@ -1,6 +1,7 @@
 """Of a command, what can be obeyed is; the rest is named, and counted by joint."""
 
 import math
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -9,7 +10,9 @@ from hypothesis import strategies as st
 
 pytest.importorskip("rospy", reason="rospy is not installed")
 
-from g1_description.bridge.commands import CommandTally
+from sensor_msgs.msg import JointState
+
+from g1_description.bridge.commands import CommandTally, JointCommands
 from g1_description.robot.description import Joint
 
 INF = math.inf
@@ -39,10 +42,11 @@ def tally(*commands):
         (["knee"], [4.0], {"knee": 4.0}, None),
         (["knee", "tail"], [0.5, 1.0], {"knee": 0.5}, "unknown joint tail"),
         (["knee", "wheel"], [0.5], {"knee": 0.5}, "no position for wheel"),
-        (["knee"], [0.5, 0.6], {"knee": 0.5}, "2 positions for 1 names"),
+        (["knee"], [0.5, 0.6], {"knee": 0.5}, "2 positions for 1 name"),
         (["knee", "wheel"], [math.nan, 1.0], {"wheel": 1.0}, "knee = nan"),
         (["knee", "wheel"], [0.1, -INF], {"knee": 0.1}, "wheel = -inf"),
-        ([], [], {}, "has no joint names"),
+        ([], [], {}, "it has no joint names"),
+        ([], [0.5, 0.6], {}, "it has no joint names"),
         ([""], [1.0], {}, "unknown joint ''"),
         (["kne"], [1.0], {}, "unknown joint kne (did you mean knee?)"),
     ],
@@ -52,7 +56,24 @@ def test_each_fault_is_named_and_the_rest_obeyed(names, positions, accepted, pro
     found, ignored, _ = made.take(names, positions, 7.0)
     assert found == accepted
     assert ignored == "" if problem is None else problem in ignored
+    assert "0 names" not in ignored
     assert made.last_ignored == ((7.0, ignored) if ignored else None)
+
+
+@pytest.mark.parametrize(
+    ("names", "told"),
+    [
+        (["knee", "tail"], "Part of a joint command to post is ignored: unknown joint"),
+        (["wing", "tail"], "A joint command to post is ignored: unknown joint"),
+    ],
+)
+def test_a_command_is_ignored_in_part_or_as_a_whole(monkeypatch, names, told):
+    log = mock.Mock()
+    commands = JointCommands("/gazebo", "post", CommandTally(JOINTS), log)
+    monkeypatch.setattr(commands, "put", lambda positions: None)
+    commands._note = lambda positions: None
+    commands._on_command(JointState(name=names, position=[0.5, 0.5]))
+    assert log.warn.call_args[0][1].startswith(told)
 
 
 @pytest.mark.parametrize(

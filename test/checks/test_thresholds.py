@@ -187,7 +187,10 @@ def test_bounds_are_by_joint(tmp_path):
             "Unknown threshold 'positon'. Known thresholds: position",
         ),
         ("position: 1", "position must be a mapping with warning, failure (got 1)"),
-        ("position: {fail: 1}", "must be a mapping with warning, failure"),
+        (
+            "base_jump: {warning: 1, failur: 2}",
+            "Unknown key 'failur' of base_jump. Known keys: failure, warning.",
+        ),
         (
             "position: {failure: x}",
             "position.failure must be a number or null (got 'x')",

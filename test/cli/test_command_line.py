@@ -85,6 +85,9 @@ def test_values_come_from_words_or_are_defaults():
         ("a --big 0", "argument --big: must be greater than 0 (got 0)"),
         ("a --quiet --only b", "Be quiet or choose"),
         ("a b --x", "unrecognized arguments: --x"),
+        ("a --bog 1", "unrecognized arguments: --bog 1 (did you mean --big?)"),
+        ("a --onion", "unrecognized arguments: --onion"),
+        ("a --quie", "unrecognized arguments: --quie (did you mean --quiet?)"),
         (
             "a --sped=2 --y",
             "unrecognized arguments: --sped=2 --y (did you mean --speed?)",

@@ -81,6 +81,9 @@ def test_all_faults_and_links_are_on_the_page():
     assert {"no_pybullet", "two_clocks", "no_diagnostics", "paused"} <= faults()
     listed = {*re.findall(r"^\| `(\w+)` \|", PAGE, flags=re.M)}
     assert listed == {*doctor.CHECK_NAMES, *faults()}
+    abouts = {name: about for name, about, _ in doctor.CHECKS}
+    shown = re.findall(r"^(?:ok|failed|skipped) +(\w+) +(.+?)(?: \(|$)", PAGE, re.M)
+    assert len(shown) == 5 and all(abouts[name] == about for name, about in shown)
 
 
 def test_a_check_that_fails_is_reported_without_a_traceback(monkeypatch):
@@ -233,7 +236,7 @@ def test_nodes_that_answer_are_known(monkeypatch):
         addresses = {"/a": uri, "/dead": "http://127.0.0.1:1/"}
         topics = {"/tf": ["/a"], "/other": ["/a", "/dead"]}
         system, found = ask_nodes(monkeypatch, addresses, topics, {}, {})
-    assert found == "1 answer, not /dead"
+    assert found == "1 answer; no answer from /dead"
     assert system.pids == {"/a": 7} and system.here == {"/a"}
     assert system.publishers == {"/tf": ["/a"], "/other": ["/a"]}
 

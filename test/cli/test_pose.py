@@ -118,6 +118,18 @@ def dying_master():
 
 
 @pytest.mark.parametrize(
+    ("script", "word"),
+    [("pose", "squat"), ("play", "squat.csv"), ("record", "/tmp/none.csv")],
+)
+def test_without_a_master_it_is_told_what_to_start(script, word):
+    environment = {**os.environ, "ROS_MASTER_URI": "http://localhost:9"}
+    run = run_script(REPOSITORY / "scripts" / script, word, environment=environment)
+    assert run.returncode == 1
+    told = f"{script}: No ROS master at http://localhost:9; start a robot with"
+    assert run.stderr.splitlines()[-1].startswith(told)
+
+
+@pytest.mark.parametrize(
     ("script", "words"),
     [
         ("pose", ["squat"]),

@@ -92,10 +92,10 @@ def test_a_sheet_has_as_little_empty_room_as_fits(n, ratio, columns):
         (["a.gif", "--gif", "--fps", "31"], "--fps must be greater than 0 and at most"),
         (["a.png", "--seconds", "3"], "--seconds and --fps need an animation"),
         (["a.png", "--joints", "a"], "must be like a=1.2,b=-0.3 (got 'a')"),
-        (["a.png"], "There is no master at http://localhost:9"),
+        (["a.png"], "No ROS master at http://localhost:9; start a robot"),
         (["a.png", "--model", "nowhere.urdf"], "Cannot use the model nowhere.urdf"),
         (["a.gif", "--model", "arm"], "an animation of --model needs --m"),
-        (["a.png", "--motion", "no.csv"], "no.csv cannot be read: No such file"),
+        (["a.png", "--motion", "no.csv"], "no.csv does not exist."),
         (["a.png", "--motion", MOTION, "--model", TREE], "none of the motion's joints"),
         (
             ["a.png", "--motion", MOTION, "--times", "0,9"],

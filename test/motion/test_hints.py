@@ -148,6 +148,7 @@ def test_a_robot_that_does_not_stand_is_told_of(g1, file):
     "factor, offset, words",
     [
         (1.0, 0.25, "at least 0.25"),
+        (1.0, 0.25, "another ground; motion floor puts it on the floor."),
         (1000.0, 0.0, "in cm or mm, of another robot"),
         (100.0, 0.0, "in cm or mm, of another robot"),
         (1.0, -0.25, "below the floor"),

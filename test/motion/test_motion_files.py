@@ -577,7 +577,7 @@ def test_folders_pipes_and_large_files_are_told(g1, tmp_path):
         (tmp_path, "folder is not of a known format"),
         (pipe, "is not a file"),
         (large, "has 10000 MB"),
-        (tmp_path / "nothing", "No such file"),
+        (tmp_path / "nothing", "does not exist"),
     ):
         with pytest.raises(MotionError, match=words):
             read_motion(path, g1)

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from g1_description import Robot
-from g1_description.errors import DescriptionError
+from g1_description.errors import DescriptionError, MotionError
 from g1_description.motion.paths import motion_path
 
 MOTIONS = Path(__file__).resolve().parents[2] / "motions"
@@ -31,6 +31,24 @@ def test_a_file_of_the_working_folder_comes_first(folder):
 @pytest.mark.parametrize("name", ["no.csv", "./no.csv", "a/squat.csv", "/squat.csv"])
 def test_other_names_are_paths(name):
     assert motion_path(name) == Path(name)
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("squt.csv", "squt.csv does not exist; did you mean squat.csv?"),
+        ("sqat", "sqat does not exist; did you mean squat.csv?"),
+        ("./to_left.npz", "to_left.npz does not exist; did you mean to_the_left.npz?"),
+        ("no/squt.csv", "no/squt.csv does not exist."),
+        ("x.csv", "x.csv does not exist."),
+    ],
+)
+def test_a_missing_motion_is_told_with_similar_names(folder, name, told):
+    for file in ("to_the_left.npz", "squt.md"):
+        (folder / file).touch()
+    with pytest.raises(MotionError) as error:
+        Robot().read_motion(name)
+    assert str(error.value) == told
 
 
 def test_files_of_packages_and_of_the_home_are_found(monkeypatch):

@@ -182,6 +182,12 @@ def test_what_is_on_the_command_line_alone_is_checked_too(launch, argument):
     assert WRONG_ON_COMMAND_LINE[argument] in told
 
 
+def test_a_robot_of_which_no_feet_are_known_has_no_lowest_foot(launch):
+    model = f"model:={REPOSITORY}/test/data/five_links.urdf"
+    assert "name a link instead" in refusal(launch, model, "anchor:=lowest_foot")
+    assert launch("anchor:=lowest_foot")
+
+
 @pytest.mark.slow
 def test_roslaunch_itself_ends_with_the_sentence_alone():
     """What it was started with is read from the system, for a path as for a name."""
@@ -311,6 +317,12 @@ def test_a_page_beside_a_page_is_refused(launch, master, monkeypatch, file):
     wanted = [] if file == "web" else ["web:=true"]
     told = refusal(launch, *wanted, file=file, on_command_line=True)
     assert told.startswith(f"A node /web is already running at {master}.")
+
+
+def test_a_wrong_argument_is_told_before_a_node_that_runs(launch, master, monkeypatch):
+    monkeypatch.setenv("ROS_NAMESPACE", "/")
+    told = refusal(launch, "web:=true", "robot:=g1_29dfo", on_command_line=True)
+    assert "g1_29dfo" in told
 
 
 def test_a_pose_that_does_not_suit_the_robot_ends_the_launch(launch, tmp_path):

@@ -203,7 +203,7 @@ class TestBridgeHealth(unittest.TestCase):
             self.command(wing=0.0, elbow=math.nan)
         self.watched.commands.publish(JointState(name=["slide"], position=[]))
         self.wait_for(
-            COMMANDS, WARN, "ignored part of a command to arm: no position for slide"
+            COMMANDS, WARN, "ignored in a command to arm: no position for slide"
         )
         values = self.values()
         self.assertEqual(values["ignored wing"], "3")

@@ -194,7 +194,7 @@ class TestPhysics(unittest.TestCase):
         motion = RobotTrajectory()
         trajectory = motion.joint_trajectory
         trajectory.joint_names = ["left_wrist_roll_joint"]
-        for begin, told in ((0.5, ""), (0.0, "left_wrist_roll_joint is 0.50 away")):
+        for begin, told in ((0.5, ""), (0.0, "left_wrist_roll_joint is 0.50 rad away")):
             trajectory.points = [
                 JointTrajectoryPoint(
                     positions=[position], time_from_start=rospy.Duration(begin + time)

@@ -132,10 +132,11 @@ def _unpaired(names: Sequence[str], positions: Sequence[float]) -> Iterator[str]
     """Describe the names and positions of a command that do not pair up."""
     if not names:
         yield "it has no joint names"
-    if len(names) > len(positions):
+    elif len(names) > len(positions):
         yield f"no position for {listed(names[len(positions) :])}"
-    if len(positions) > len(names):
-        yield f"{len(positions)} positions for {len(names)} names"
+    elif len(positions) > len(names):
+        plural = "s" if len(names) > 1 else ""
+        yield f"{len(positions)} positions for {len(names)} name{plural}"
 
 
 RETRY_PERIOD = 0.2
@@ -205,7 +206,8 @@ class JointCommands:
                 message.name, message.position, now
             )
         if ignored:
-            text = f"Part of a joint command to {self._model} is ignored: {ignored}."
+            what = "Part of a joint command" if accepted else "A joint command"
+            text = f"{what} to {self._model} is ignored: {ignored}."
             self._log.warn(f"command {self._model}", text, SHORT_PERIOD)
         if clamped:
             text = f"A joint command to {self._model} is {clamped}."

@@ -199,7 +199,7 @@ def _report_recent(status, robot: RobotStatus) -> None:
     recent = time.monotonic() - RECENT
     ignored = robot.commands.last_ignored
     if ignored and ignored[0] > recent:
-        text = f"ignored part of a command to {robot.name}: {ignored[1]}"
+        text = f"ignored in a command to {robot.name}: {ignored[1]}"
         status.mergeSummary(WARN, text)
     clamped = robot.commands.clamped_since(recent)
     if clamped:

@@ -36,6 +36,9 @@ from g1_description.sim.rollout import Rollout
 MAX_TIMES = 200_000
 """Largest number of times of a motion: 55 minutes at 60 Hz."""
 
+SLOW = 1.0
+"""Mean interval between samples that may be in ms instead, in [s]."""
+
 CHUNK = 512
 """Samples per chunk, with about 20 MB of intermediate results."""
 
@@ -373,10 +376,11 @@ def _refined(knots: np.ndarray, longest: float) -> np.ndarray:
     gaps = np.diff(knots)
     parts = np.maximum(1.0, np.ceil(gaps / longest - 1e-9))
     if parts.sum() >= MAX_TIMES:
+        hint = " Are its times in ms?" if gaps.mean() >= SLOW else ""
         raise MotionError(
             f"The motion lasts {knots[-1] - knots[0]:g} s and would be checked at "
             f"{parts.sum() + 1:.0f} times; {MAX_TIMES} is the limit. Check a part of "
-            "it, or increase longest_interval."
+            f"it, or increase longest_interval.{hint}"
         )
     if (parts == 1).all():
         return np.asarray(knots, dtype=float)

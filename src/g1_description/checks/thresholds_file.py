@@ -158,10 +158,16 @@ def _parameter(name: str, value: Any) -> float:
 
 def _parts(name: str, value: Any, known: tuple[str, ...]) -> Mapping[str, Any]:
     """Read a mapping with some of the allowed keys."""
-    if not isinstance(value, Mapping) or not set(value) <= set(known):
+    if not isinstance(value, Mapping):
         raise ThresholdError(
             f"{name} must be a mapping with {listed(known)} (got {value!r})."
         )
+    for key in value:
+        if key not in known:
+            raise ThresholdError(
+                f"Unknown key '{key}' of {name}. Known keys: "
+                f"{listed(similar_first(str(key), known))}."
+            )
     return value
 
 

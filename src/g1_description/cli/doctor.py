@@ -550,7 +550,7 @@ def check_master(system: System) -> Fault | str:
     try:
         ask(uri, "getPid")
     except (OSError, LookupError) as error:
-        message = f"There is no master at {uri}: {reason_of(error)}."
+        message = f"No ROS master at {uri}: {reason_of(error)}."
         if system.master_is_here:
             return Fault("no_master", message, DISPLAY)
         return Fault("no_remote_master", message, f"ssh {host} roscore")
@@ -592,7 +592,9 @@ def check_nodes(system: System) -> Fault | str:
         for name in table:
             table[name] = [node for node in table[name] if node in system.pids]
     silent = listed(node for node in nodes if node not in system.pids)
-    return f"{len(system.pids)} answer" + (f", not {silent}" if silent else "")
+    return f"{len(system.pids)} answer" + (
+        f"; no answer from {silent}" if silent else ""
+    )
 
 
 def _ask_node(system: System, node: str) -> Fault | None:
@@ -1085,25 +1087,29 @@ def check_picture(system: System) -> Fault | str:
 
 
 CHECKS: list[tuple[str, str, Callable[[System], Fault | str]]] = [
-    ("python", "Python is that of ROS, and the workspace is sourced", check_python),
-    ("packages", "the nodes' Python packages are installed", check_packages),
-    ("master", "the master answers", check_master),
-    ("address", "nodes of this shell have a reachable address", check_address),
-    ("nodes", "all nodes answer", check_nodes),
-    ("description", "robot_description has a robot", check_description),
-    ("meshes", "its meshes exist on this machine", check_meshes),
-    ("simulator", "a simulator runs and answers", check_simulator),
-    ("clock", "one node publishes the time", check_clock),
-    ("time", "simulated time advances", check_time),
-    ("link_states", "link states are published", check_link_states),
-    ("bridge", "one bridge converts link states to joint states", check_bridge),
-    ("model", "the simulator has the bridge's model", check_model),
-    ("urdf", "the model matches robot_description", check_urdf),
-    ("joint_states", "one node publishes joint states", check_joint_states),
-    ("state_publisher", "robot_state_publisher receives them", check_state_publisher),
-    ("tf", "TF is complete, and each edge has one publisher", check_tf),
-    ("diagnostics", "the bridge's diagnostics are good", check_diagnostics),
-    ("picture", "RViz or the browser view is running", check_picture),
+    ("python", "Python of ROS and sourced workspace", check_python),
+    ("packages", "Python packages of the nodes", check_packages),
+    ("master", "answer of the master", check_master),
+    ("address", "reachable address for nodes of this shell", check_address),
+    ("nodes", "answers of the nodes", check_nodes),
+    ("description", "robot in robot_description", check_description),
+    ("meshes", "meshes of the robot on this machine", check_meshes),
+    ("simulator", "answer of a simulator", check_simulator),
+    ("clock", "one publisher of the time", check_clock),
+    ("time", "advance of simulated time", check_time),
+    ("link_states", "link states from the simulator", check_link_states),
+    ("bridge", "one bridge from link states to joint states", check_bridge),
+    ("model", "the bridge's model in the simulator", check_model),
+    ("urdf", "agreement of the model with robot_description", check_urdf),
+    ("joint_states", "one publisher of joint states", check_joint_states),
+    (
+        "state_publisher",
+        "robot_state_publisher, subscribed to joint states",
+        check_state_publisher,
+    ),
+    ("tf", "TF, complete and with one publisher per edge", check_tf),
+    ("diagnostics", "diagnostics of the bridge", check_diagnostics),
+    ("picture", "RViz or the browser view", check_picture),
 ]
 """Name, description and function of each check. They run in this order: each needs the
 results of those before it."""

@@ -12,7 +12,7 @@ from g1_description.checks.batch import Task
 from g1_description.errors import InvalidValueError, MotionError
 from g1_description.motion import selection as selections
 from g1_description.motion.files.formats import ENDINGS, is_motion_folder, motion_names
-from g1_description.motion.paths import split
+from g1_description.motion.paths import absent, split
 from g1_description.motion.selection import Selection
 from g1_description.text import listed
 
@@ -79,8 +79,9 @@ def motion_files(
         file, _ = split(path)
         if not file.is_dir() or is_motion_folder(file):
             if not file.is_file() and not file.is_dir():
-                what = "is not a file" if file.exists() else "does not exist"
-                raise InvalidValueError(f"{file} {what}.")
+                raise InvalidValueError(
+                    f"{file} is not a file." if file.exists() else absent(file)
+                )
             named.update(add(path))
             continue
         below = [f for f in _files_below(path) if f.name != selections.FILE]

@@ -26,7 +26,7 @@ from g1_description.errors import (
 from g1_description.motion.edit import moved, to_start_at
 from g1_description.motion.files.formats import read_motion
 from g1_description.motion.motion import Motion
-from g1_description.motion.paths import split
+from g1_description.motion.paths import absent, split
 from g1_description.robot.transform import IDENTITY
 from g1_description.ros.lifecycle import own_arguments, start_node
 from g1_description.ros.map_frame import MapFrame
@@ -325,7 +325,7 @@ def play(args: PlayOptions) -> None:
         G1DescriptionError: If it cannot be played.
     """
     if not split(args.file)[0].exists():
-        raise InvalidValueError(f"The file {args.file} does not exist.")
+        raise InvalidValueError(absent(args.file))
     start_node("play", anonymous=True, disable_rosout=True)
     robot = RobotView(args.namespace, notify)
     if not robot.wait_until(lambda: robot.state, TIMEOUT):

@@ -52,7 +52,7 @@ from g1_description.robot.load import read_description
 from g1_description.robot.poses import check_limits
 from g1_description.robot.profile import DEFAULT
 from g1_description.robot.transform import IDENTITY
-from g1_description.ros.lifecycle import own_arguments, start_node
+from g1_description.ros.lifecycle import no_master, own_arguments, start_node
 from g1_description.ros.robot_view import RobotView
 from g1_description.ros.waiting import NoAnswerError, wait_until
 from g1_description.text import listed, similar_first
@@ -474,10 +474,7 @@ def watch_now(
         OSError: If the connection to the master is lost; also the errors of ROS.
     """
     if not rosgraph.is_master_online():
-        raise NoAnswerError(
-            f"There is no master at {rosgraph.get_master_uri()}. Launch a robot, or "
-            "draw a file with --model FILE."
-        )
+        raise NoAnswerError(f"{no_master()} --model FILE draws a file without one.")
     start_node("snapshot", anonymous=True)
     namespaces = args.namespace or [rospy.get_namespace()]
     views = [RobotView(name.strip("/"), notify) for name in namespaces]

@@ -105,7 +105,10 @@ def _absent(path: Path) -> str:
     while not missing.parent.is_dir() and missing.parent != missing:
         missing = missing.parent
     kind = "file" if missing == path else "folder"
-    near = _similar(missing.name, _names_in(missing.parent))
+    names = _names_in(missing.parent)
+    if kind == "file" and path.suffix:
+        names = [name for name in names if name.endswith(path.suffix)]
+    near = _similar(missing.name, names)
     if not near and kind == "file":
         near = with_robots(missing.parent)
     end = "" if near.endswith("?") else "."

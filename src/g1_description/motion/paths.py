@@ -9,6 +9,8 @@ import re
 from os import PathLike, fspath
 from pathlib import Path
 
+from g1_description.text import similar
+
 RATE_IN_NAME = re.compile(
     r"(?<![\d.])0*(?P<before>[1-9]\d{0,5})[ _-]?(?:hz|fps)(?![a-z0-9])"
     r"|(?<![a-z])(?:hz|fps)[ _-]?0*(?P<behind>[1-9]\d{0,5})(?![a-z0-9.])"
@@ -97,3 +99,20 @@ def motion_path(name: str | PathLike[str]) -> Path:
     packaged = share_folder() / "motions" / path
     is_bare = len(path.parts) == 1 and not split(path)[0].exists()
     return packaged if is_bare and packaged.is_file() else path
+
+
+def absent(path: Path) -> str:
+    """Say that a motion does not exist, and which ones are called nearly so."""
+    # Only where it is needed, as above.
+    from g1_description.files.model_files import share_folder
+
+    folders = [path.parent]
+    if len(path.parts) == 1:
+        folders.append(share_folder() / "motions")
+    end = path.suffix or ".csv"
+    files = (file for folder in folders for file in folder.glob("*"))
+    known = {file.stem: file.name for file in files if file.suffix == end}
+    near = [known[stem] for stem in similar(path.stem, sorted(known))]
+    return f"{path} does not exist" + (
+        f"; did you mean {' or '.join(near)}?" if near else "."
+    )

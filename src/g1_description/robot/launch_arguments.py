@@ -20,6 +20,9 @@ PHYSICS = ("kinematic", "hold", "limp")
 LOWEST_FOOT = "lowest_foot"
 """Anchor that is the lower one of the robot's feet."""
 
+FEET = ("left_foot", "right_foot")
+"""Roles of the feet in a robot's profile."""
+
 CHOICES = {"sim": ("standin", "gazebo"), "physics": PHYSICS}
 """Allowed values by argument."""
 

@@ -152,5 +152,8 @@ def read_absolute(requested: str) -> ModelText:
         text = with_absolute_uris(model.text, file.parent, find_folder, file.stem)
     except G1DescriptionError as error:
         why = str(error).rstrip(".")
-        raise DescriptionError(f"Cannot use the model {requested}: {why}.") from error
+        end = "" if why.endswith("?") else "."
+        raise DescriptionError(
+            f"Cannot use the model {requested}: {why}{end}"
+        ) from error
     return replace(model, text=text)

@@ -58,11 +58,18 @@ def start_node(name: str, **options) -> None:
     atexit.register(lambda: codes and sockets and thread.join(SHUTDOWN_TIMEOUT))
     try:
         rospy.init_node(name, disable_signals=True, **options)
-    except rospy.ROSInitException as error:
-        master = rosgraph.get_master_uri()
-        message = f"{name}: cannot start; is a master running at {master}? {error}"
-        sys.exit(codes[0] if codes else message)
+    except rospy.ROSInitException:
+        sys.exit(codes[0] if codes else f"{name}: {no_master()}")
     rospy.core.add_preshutdown_hook(_log_namesake)
+
+
+def no_master() -> str:
+    """Say that there is no master, and what to do."""
+    return (
+        f"No ROS master at {rosgraph.get_master_uri()}; start a robot with 'roslaunch "
+        "g1_description display.launch', or look for the cause with 'rosrun "
+        "g1_description doctor'."
+    )
 
 
 def _log_namesake(reason: str) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from g1_description.errors import InvalidValueError, UnknownNameError
 from g1_description.robot.assembly import SCOPE
-from g1_description.robot.launch_arguments import LOWEST_FOOT
+from g1_description.robot.launch_arguments import FEET, LOWEST_FOOT
 from g1_description.robot.rotation import conjugate, cross, normalized, rotate
 from g1_description.robot.transform import compose, inverse
 from g1_description.sim.model import Model
@@ -21,9 +21,6 @@ TOLERANCE = 1e-6
 errors must not change the anchor of a robot that squats on both feet."""
 
 UP = np.array([0.0, 0.0, 1.0])
-
-FEET = ("left_foot", "right_foot")
-"""Roles of the feet in a robot's profile."""
 
 
 class Anchor:

@@ -97,6 +97,7 @@ def _fractions(
             limit.
         words: Units of the values.
     """
+    which = "the bound" if rule in (ACCELERATION, JERK) else "its limit"
     is_bounded = bounds > 0.0  # URDF exporters write 0 for unknown limits
     sizes = np.abs(values) / np.where(is_bounded, bounds, np.inf)
     for column in rule.columns(measured, sizes):
@@ -104,7 +105,7 @@ def _fractions(
             name, unit = joints[column].name, words[column]
             largest = np.nanmax(np.abs(values[:, column]))
             text = (
-                f"{name} reaches {largest:.4g} {unit}{{when}}; its limit is "
+                f"{name} reaches {largest:.4g} {unit}{{when}}; {which} is "
                 f"{bounds[column]:.4g} {unit}"
             )
             yield rule.compared(measured, (name,), sizes[:, column], text)

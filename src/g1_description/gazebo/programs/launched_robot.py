@@ -25,6 +25,7 @@ from g1_description.errors import (
 )
 from g1_description.robot.description import Description
 from g1_description.robot.launch_arguments import (
+    FEET,
     LOWEST_FOOT,
     check_arguments,
     check_for_empty,
@@ -71,13 +72,21 @@ def launched_robot(model: str | None, given: dict[str, str], nodes: list[str]) -
     check_for_empty({**given, "robot": usual, "model": model or usual}, words)
     given = {**given_to_own_file(words), **given}
     check_arguments(given)
+    text = "" if model is None else _checked_text(model.strip() or usual, given)
     on = ("true", "1")  # as roslaunch writes it
     switched = [n for n, switch in SWITCHED if given.get(switch, "").lower() in on]
-    for node in (*nodes, *switched):
+    for node in (*nodes, *switched):  # after the arguments, which are wrong anyway
         _check_for_node(node, words)
-    if model is None:
-        return ""
-    found = read_absolute(model.strip() or usual)
+    return text
+
+
+def _checked_text(model: str, given: dict[str, str]) -> str:
+    """Read the robot, and check the arguments that depend on it; return its URDF.
+
+    Raises:
+        G1DescriptionError: If the robot or a value is invalid.
+    """
+    found = read_absolute(model)
     robot = found.description
     if given.get("robot"):
         robot = replace(robot, given_profile=find_profile(given["robot"]))
@@ -89,6 +98,11 @@ def launched_robot(model: str | None, given: dict[str, str], nodes: list[str]) -
     anchor = given.get("anchor", "")
     if anchor not in ("", LOWEST_FOOT):
         check_trails("anchor", [anchor], [robot])
+    if anchor == LOWEST_FOOT and not any(role in robot.profile.links for role in FEET):
+        raise UnknownNameError(
+            f"anchor:={anchor} needs a robot whose profile has feet, unlike "
+            f"{robot.name}; name a link instead."
+        )
     if given.get("base") and given.get("root"):
         _check_root(given["root"], robot)
     return found.text

@@ -200,7 +200,9 @@ def _jump(model: Model, trajectory: Motion) -> str:
     name = max(jumps, key=lambda n: jumps[n], default="")
     if not name or jumps[name] <= FAR:
         return ""
-    return f"joints jump to the first sample: {name} is {jumps[name]:.2f} away from it"
+    joint = model.assembly.description.movable_joints[model.joint_names.index(name)]
+    distance = f"{jumps[name]:.2f} {'m' if joint.kind == 'prismatic' else 'rad'}"
+    return f"joints jump to the first sample: {name} is {distance} away from it"
 
 
 def _trajectory(message: ModelTrajectory) -> Motion:

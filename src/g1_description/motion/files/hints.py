@@ -228,5 +228,6 @@ def _feet(lower: np.ndarray, may_lie: bool) -> str:
     units = " in cm or mm," if away > OTHER_UNITS else ""
     return (
         f"The feet are always at least {away:.3g} m {side} the floor, z = 0: the "
-        f"motion may be{units} of another robot, or of another ground."
+        f"motion may be{units} of another robot, or of another ground; motion floor "
+        "puts it on the floor."
     )

@@ -27,7 +27,7 @@ from g1_description.motion.files.arrays import (
 from g1_description.motion.files.pickles import PICKLE, read_pickle
 from g1_description.motion.files.torch_files import is_torch, read_torch
 from g1_description.motion.motion import Motion
-from g1_description.motion.paths import rate_in, split
+from g1_description.motion.paths import absent, rate_in, split
 from g1_description.text import MAX_NAME, listed
 
 MAX_FILE_SIZE = 200_000_000
@@ -106,6 +106,8 @@ class MotionSource:
                 raise MotionError(f"{self.path} is not a file.")
             with self.path.open("rb") as file:
                 return file.read(size)
+        except FileNotFoundError as error:
+            raise MotionError(absent(self.path)) from error
         except (OSError, ValueError) as error:
             problem = getattr(error, "strerror", None) or error
             raise MotionError(f"{self.path} cannot be read: {problem}.") from error
