@@ -83,15 +83,30 @@ def pytest_addoption(parser):
     parser.addoption("--engine", default="bullet", help="physics engine of the worlds")
 
 
+BOTH = ("test_contacts", "test_forces", "test_free_bodies", "test_rest")
+"""Modules whose worlds have each of the physics engines."""
+
+
+def pytest_generate_tests(metafunc):
+    if "engine" in metafunc.fixturenames and metafunc.module.__name__ in BOTH:
+        metafunc.parametrize("engine", ("bullet", "mujoco"), indirect=True)
+
+
 @pytest.fixture
-def make_world(pytestconfig):
+def engine(request, pytestconfig):
+    """Give the name of a physics engine."""
+    return getattr(request, "param", pytestconfig.getoption("engine"))
+
+
+@pytest.fixture
+def make_world(engine):
     """Give what makes worlds, which end with the test."""
     from worlds import Bench
 
     worlds = []
 
     def make(*args, **kwargs):
-        kwargs.setdefault("engine", pytestconfig.getoption("engine"))
+        kwargs.setdefault("engine", engine)
         worlds.append(Bench(*args, **kwargs))
         return worlds[-1]
 

@@ -147,6 +147,7 @@ def test_a_new_mass_moves_as_such_and_changes_nothing_else(make_world):
 
 def test_a_mass_that_cannot_be_loaded_changes_nothing(make_world, monkeypatch):
     world = make_world("limp", gravity=NOWHERE)
+    world.skip_unless_bullet()
     world.spawn_urdf("body", BODY, np.array([3.0, 0, 1.0, 0, 0, 0, 1]))
 
     def spoiled(*arguments):

@@ -239,6 +239,14 @@ def test_a_value_that_has_just_come_is_not_overwritten_by_an_old_state(
     assert slider.value == 1.25
 
 
+def test_sliders_show_the_first_state_at_once(server, ui):
+    shown = Shown()
+    shown.where = state({"to_b": 0.5, "to_c": 0.0})
+    panel = JointPanel(server.gui, ui, shown)
+    panel.follow(shown.where)
+    assert panel._sliders["to_b"].value == 0.5
+
+
 @pytest.fixture
 def clock(monkeypatch):
     """Give a clock of the controls, at 100 s, that stands still."""
@@ -250,6 +258,7 @@ def clock(monkeypatch):
 
 def test_an_element_that_was_edited_is_held_for_a_while(clock):
     guard, field = controls.EditGuard(0.7), SimpleNamespace(value=0.0)
+    guard.know(field)
     assert not guard.is_held(field)
     field.value = 1.0
     assert guard.is_held(field)

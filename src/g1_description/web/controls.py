@@ -61,6 +61,10 @@ class EditGuard:
         self._shown: dict[int, float] = {}
         self._crossed: set[int] = set()
 
+    def know(self, handle: Any) -> None:
+        """Record the current value of an element as set by the program."""
+        self._seen[id(handle)] = handle.value
+
     def hold(self, handle: Any) -> None:
         """Keep an element from being updated for a while."""
         key, now = id(handle), time.monotonic()
@@ -72,8 +76,8 @@ class EditGuard:
 
     def is_held(self, handle: Any) -> bool:
         """Return whether an element was edited recently."""
-        # By identity, as NaN is not equal to itself. The first value is the program's.
-        if handle.value is not self._seen.setdefault(id(handle), handle.value):
+        # By identity, as NaN is not equal to itself.
+        if handle.value is not self._seen.get(id(handle)):
             self.hold(handle)
         return time.monotonic() < self._until.get(id(handle), 0.0)
 
@@ -145,6 +149,7 @@ class JointPanel:
                 for name in names:
                     slider = self._add(gui, joints[name])
                     self._sliders[name] = slider
+                    self._guard.know(slider)
                     ui.on(slider, partial(self._moved, name))
 
     @staticmethod
@@ -263,6 +268,8 @@ class BasePanel:
         )
         self._gizmo_turn = self._gizmo.wxyz
         self._fields = self._place, self._rpy
+        for field in (*self._fields, self._anchor):
+            self._guard.know(field)
         ui.on(self._gizmo_on, self._show_gizmo)
         ui.on(self._anchor, lambda: ui.wait_for(self._set_anchor))
         ui.on(self._place, self._typed)
@@ -288,6 +295,7 @@ class BasePanel:
         anchor = self._robot.anchor or NONE
         if self._anchor.value != anchor and not self._guard.is_held(self._anchor):
             self._anchor.value = anchor
+            self._guard.know(self._anchor)
 
     def _typed(self) -> None:
         """Command the pose in the fields."""
