@@ -198,7 +198,8 @@ def read_seconds(clone, file):
 
 def tests_of(mutant, data, seconds):
     """Give the tests that a mutant concerns: of pytest, and rostests."""
-    executing = {*data.contexts_by_lineno(mutant.file).get(mutant.line, [])}
+    by_line = data.contexts_by_lineno(mutant.file)
+    executing = {*by_line.get(mutant.line, [])}
     found = executing if mutant.is_inside else set()
     if executing and (not mutant.is_inside or "" in executing):
         folder = f"test/{Path(mutant.file.split('/')[2]).stem}/"
@@ -208,8 +209,11 @@ def tests_of(mutant, data, seconds):
     tests = [test for test in order if "::" in test and test in found]
     totals = accumulate(seconds[test] for test in tests)
     tests = tests[: sum(total < MOST_SECONDS for total in totals)]
+    # Those that execute most of the module are about it.
+    lines = Counter(test for tests in by_line.values() for test in tests)
     rostests = [test for test in order if ".test" in test and test in executing]
-    return tests, rostests[:MOST_ROSTESTS]
+    rostests = sorted(rostests, key=lambda test: -lines[test])[:MOST_ROSTESTS]
+    return tests, sorted(rostests, key=seconds.get)
 
 
 def judge(mutant, free, data, seconds):
