@@ -191,7 +191,7 @@ class TestPlay(unittest.TestCase):
             (
                 (self.file, "--start-here", "--base-frame", "right/base_link"),
                 "no transform from frame 'right/base_link': nothing publishes it on "
-                "/tf (did you mean base_link?)",
+                "/tf (did you mean left/base_link?)",
             ),
             (
                 (arms, "--on-floor"),
