@@ -37,6 +37,7 @@ def _without_stdout_of_c() -> Iterator[None]:
     libc.fopen.restype = ctypes.c_void_p
     stdout = ctypes.c_void_p.in_dll(libc, "stdout")
     with _swapping:
+        libc.fflush(None)  # what C has printed before comes before
         own, nowhere = stdout.value, libc.fopen(os.devnull.encode(), b"w")
         stdout.value = nowhere
         try:
