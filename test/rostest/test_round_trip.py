@@ -92,7 +92,7 @@ class TestRoundTrip(unittest.TestCase):
                 [inf, 0.6],
                 "waist_yaw_joint = inf",
             ),
-            (["left_knee_joint"], [0.7, 0.2], "2 positions for 1 names"),
+            (["left_knee_joint"], [0.7, 0.2], "2 positions for 1 name"),
         ]
         self.command(["waist_yaw_joint"], [0.25])
         waist = self.names.index("waist_yaw_joint")
