@@ -144,6 +144,19 @@ def test_a_robot_that_does_not_stand_is_told_of(g1, file):
     assert "does not stand" not in " ".join(read_motion(path, g1, order="xyzw").notes)
 
 
+@pytest.mark.parametrize("fps", [30, 120, None])
+def test_a_rate_at_which_joints_are_too_fast_is_told(g1, file, fps):
+    """An elbow swings at up to 12 rad/s at 30 Hz; its limit is 37."""
+    base, positions = standing(n_samples=61)
+    swing = 1.2 * np.sin(np.arange(61) / 3.0)
+    positions[:, JOINTS.index("left_elbow_joint")] = 0.8 + swing
+    text = "\n".join(",".join(map(str, row)) for row in np.hstack([base, positions]))
+    notes = read_motion(file(text, "swing.csv"), g1, fps).notes
+    told = [note for note in notes if "as fast as their limits allow" in note]
+    assert bool(told) == (fps == 120)
+    assert all("1.3 times" in n and "120 Hz; --fps sets it" in n for n in told)
+
+
 @pytest.mark.parametrize(
     "factor, offset, words",
     [

@@ -24,6 +24,10 @@ from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.robot.rotation import rotate
 
+USUAL, LEAST_SAMPLES = 99.0, 20
+"""Percentile of the speeds of joints that tells of the rate, and how many samples it
+needs."""
+
 TURN = 3.3
 """Angles that no revolute joint of the G1 has, in [rad]."""
 
@@ -94,9 +98,31 @@ def hints(
         return (other,)
     of_joints = (_degrees, _knees, _sides)
     found = [tell(columns, limits) for tell in of_joints]
+    if not motion.has_times:
+        found.append(_rate(motion, robot))
     if motion.base_poses is not None:
         found.append(_base(motion, motion.base_poses, robot, order, may_lie))
     return tuple(text for text in found if text)
+
+
+def _rate(motion: Motion, robot: Description) -> str:
+    """Tell of joints that are too fast at a rate that is not in the file."""
+    limits = {joint.name: joint.velocity for joint in robot.movable_joints}
+    if len(motion.times) < LEAST_SAMPLES:
+        return ""
+    speeds = np.abs(np.diff(motion.positions, axis=0)) / np.diff(motion.times)[:, None]
+    usual = np.percentile(speeds, USUAL, axis=0)  # above it are jumps
+    most = max(
+        (speed / limits.get(name, np.inf) if limits.get(name) else 0.0)
+        for name, speed in zip(motion.joint_names, usual.tolist())
+    )
+    if most <= 1.0:
+        return ""
+    rate = 1.0 / np.diff(motion.times).mean()
+    return (
+        f"Joints are up to {most:.2g} times as fast as their limits allow: the rate "
+        f"may be lower than {rate:.4g} Hz; --fps sets it."
+    )
 
 
 def _joint_order(columns: Columns, limits: Limits, robot: Description) -> str:
