@@ -54,7 +54,7 @@ NO_FAULT, FOUND, MISUSE = 0, 1, 2
 """Exit codes."""
 
 OK, FAILED, SKIPPED = "ok", "failed", "skipped"
-"""States of a link."""
+"""States of a check."""
 
 WAIT = 5.0
 """Longest wait for an answer or a message, in [s] of wall time."""

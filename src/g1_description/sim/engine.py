@@ -14,9 +14,10 @@ import numpy as np
 
 from g1_description.bounds import MAX_VALUE
 from g1_description.errors import InvalidValueError, UnknownNameError
-from g1_description.motion.motors import Motors
+from g1_description.motion.motors import Motors, motors_of
 from g1_description.robot.launch_arguments import PHYSICS
 from g1_description.sim.model import Model
+from g1_description.text import listed
 
 MAX_TIME_STEP = 10.0
 """Longest time step in [s]: the limit of Gazebo's dynamic_reconfigure."""
@@ -132,18 +133,48 @@ class Engine(ABC):
     friction and damping. Models without links have no body.
     """
 
-    def __init__(self, physics: str, properties: PhysicsProperties) -> None:
+    def __init__(
+        self,
+        physics: str,
+        properties: PhysicsProperties,
+        motors: Motors | None = None,
+    ) -> None:
         if physics not in PHYSICS:
             raise UnknownNameError(
                 f"Unknown physics '{physics}'; must be one of {', '.join(PHYSICS)}."
             )
         self.physics = physics
         self.properties = properties
+        self._given_motors = motors
 
     @property
     def is_dynamic(self) -> bool:
         """Whether the engine moves models."""
         return self.physics != "kinematic"
+
+    def motors_of(self, model: Model) -> Motors | None:
+        """Return a model's motors; None where it has none."""
+        if self.physics != "hold":
+            return None
+        return self._given_motors or motors_of(model.assembly.description)
+
+    def unknown_limits(self, model: Model) -> tuple[str, ...]:
+        """Tell which motors of a model have no limit as that of the file is 0."""
+        if self.physics != "hold":
+            return ()
+        joints = model.assembly.description.movable_joints
+        limits = self.effort_limits(model).tolist()
+        unknown = [
+            joint.name
+            for joint, limit in zip(joints, limits)
+            if joint.effort == 0.0 and limit == np.inf
+        ]
+        if not unknown:
+            return ()
+        return (
+            f"the effort limit of {listed(unknown)} is 0, which means unknown: the "
+            "motors have no limit in physics",
+        )
 
     @abstractmethod
     def close(self) -> None:

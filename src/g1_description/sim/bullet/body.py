@@ -215,16 +215,6 @@ class Body:
             velocityGains=self._velocity_gains[own],
         )
 
-    def unknown_limits(self) -> list[str]:
-        """Return the joints with an effort of 0 in the file and no other limit."""
-        names = [self.model.joint_names[row] for row in self.rows]
-        joints = self.model.assembly.description.movable_joints
-        unknown = {joint.name for joint in joints if joint.effort == 0.0}
-        unlimited = self.efforts >= MAX_EFFORT
-        return [
-            name for name, free in zip(names, unlimited) if free and name in unknown
-        ]
-
     def apply_effort(self, row: int, effort: float) -> None:
         """Apply an effort to a joint of the model, if it belongs to this tree."""
         if row in self._own:

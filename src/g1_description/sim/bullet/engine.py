@@ -8,7 +8,7 @@ from itertools import chain, combinations
 import numpy as np
 
 from g1_description.errors import DescriptionError
-from g1_description.motion.motors import Motors, motors_of
+from g1_description.motion.motors import Motors
 from g1_description.robot.assembly import SCOPE
 from g1_description.robot.rotation import cross
 from g1_description.robot.transform import compose
@@ -24,7 +24,6 @@ from g1_description.sim.engine import MAX_EFFORT, Engine, PhysicsProperties
 from g1_description.sim.meshes.shapes import find_meshes
 from g1_description.sim.model import Model, States
 from g1_description.sim.moving_models import MovingModels, RestDetector
-from g1_description.text import listed
 
 
 class BulletEngine(Engine):
@@ -40,8 +39,7 @@ class BulletEngine(Engine):
         properties: PhysicsProperties,
         motors: Motors | None = None,
     ) -> None:
-        super().__init__(physics, properties)
-        self._given_motors = motors
+        super().__init__(physics, properties, motors)
         self._client = connect()
         self._bodies: dict[str, tuple[Body, ...]] = {}
         self._moved: dict[str, Model] = {}
@@ -155,7 +153,7 @@ class BulletEngine(Engine):
         self._is_sorted = False
         self._rest.wake()
         self._depenetration.expect_overlaps()
-        return left_out
+        return left_out + self.unknown_limits(model)
 
     def _load(self, model: Model) -> tuple[tuple[Body, ...], tuple[str, ...]]:
         """Load all trees of a model; links of one model pass through each other."""
@@ -163,7 +161,7 @@ class BulletEngine(Engine):
         meshes, left_out = find_meshes(
             s for link in model.assembly.description.links for s in link.collisions
         )
-        motors = self._motors_of(model)
+        motors = self.motors_of(model)
         for tree in range(len(model.trees)):
             try:
                 number, links = create_body(self._client, model, meshes, tree)
@@ -175,19 +173,7 @@ class BulletEngine(Engine):
             bodies.append(Body(self._client, number, links, model, tree, motors))
         for first, second in combinations(bodies, 2):
             first.pass_through(second)
-        unknown = [name for body in bodies for name in body.unknown_limits()]
-        if motors and unknown:
-            left_out += (
-                f"the effort limit of {listed(unknown)} is 0, which means unknown: the "
-                "motors have no limit in physics",
-            )
         return tuple(bodies), left_out
-
-    def _motors_of(self, model: Model) -> Motors | None:
-        """Return a model's motors; None where it has none."""
-        if self.physics != "hold":
-            return None
-        return self._given_motors or motors_of(model.assembly.description)
 
     def remove(self, name: str) -> None:
         """Remove a model's bodies, if it has any."""

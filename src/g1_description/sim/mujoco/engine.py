@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from g1_description.errors import DescriptionError, cause
-from g1_description.motion.motors import Motors, motors_of
+from g1_description.motion.motors import Motors
 from g1_description.robot.assembly import SCOPE
 from g1_description.robot.rotation import conjugate, cross, rotate
 from g1_description.sim.engine import MAX_EFFORT, Engine, PhysicsProperties
@@ -17,7 +17,6 @@ from g1_description.sim.meshes.shapes import Mesh, find_meshes
 from g1_description.sim.model import Model, States
 from g1_description.sim.moving_models import MovingModels, RestDetector
 from g1_description.sim.mujoco.mjcf import WorldFile
-from g1_description.text import listed
 
 MAX_DEPENETRATION_SPEED = 0.3
 """Largest speed at which overlapping links separate, in [m/s]."""
@@ -67,8 +66,7 @@ class MujocoEngine(Engine):
         properties: PhysicsProperties,
         motors: Motors | None = None,
     ) -> None:
-        super().__init__(physics, properties)
-        self._given_motors = motors
+        super().__init__(physics, properties, motors)
         self._models: dict[str, tuple[Model, Mapping[str, Mesh]]] = {}
         self._rest = RestDetector()
         self._is_compiled = False
@@ -105,34 +103,15 @@ class MujocoEngine(Engine):
         self._rest.wake()
         if model.assembly.static and meshes:
             left_out += ("meshes of static models are simulated as their hulls",)
-        if self.physics == "hold":
-            left_out += self._unknown_limits(model)
-        return left_out
+        return left_out + self.unknown_limits(model)
 
     def _hold(self, model: Model) -> None:
         """Give its motors the commanded positions as targets."""
-        if self.physics == "hold":
-            self._motors[model.name] = self._given_motors or motors_of(
-                model.assembly.description
-            )
+        motors = self.motors_of(model)
+        if motors is not None:
+            self._motors[model.name] = motors
         still = np.zeros(len(model.joint_names))
         self._targets[model.name] = np.array(model.target), still
-
-    def _unknown_limits(self, model: Model) -> tuple[str, ...]:
-        """Tell which motors have no limit as the file's is 0."""
-        limits = self.effort_limits(model)
-        joints = model.assembly.description.movable_joints
-        unknown = [
-            joint.name
-            for joint, limit in zip(joints, limits)
-            if joint.effort == 0.0 and np.isinf(limit)
-        ]
-        if not unknown:
-            return ()
-        return (
-            f"the effort limit of {listed(unknown)} is 0, which means unknown: the "
-            "motors have no limit in physics",
-        )
 
     def remove(self, name: str) -> None:
         """Remove a model."""
@@ -200,7 +179,6 @@ class MujocoEngine(Engine):
         count = self._model.nv
         self._position_gains = np.zeros(count)
         self._velocity_gains = np.zeros(count)
-        self._motor_efforts = np.zeros(count)
         self._target_positions, self._target_velocities = np.zeros((2, count))
         self._model.dof_solimp[:] = FRICTION_IMPEDANCE
         if self.physics != "hold":
@@ -357,7 +335,6 @@ class MujocoEngine(Engine):
             self._drive()
         self._slow_separation()
         mujoco.mj_step2(model, data)
-        self._drive_efforts = data.efc_force[data.ne : data.ne + data.nf].copy()
         data.xfrc_applied[:] = 0.0
         data.qfrc_applied[:] = 0.0
         self._moving.read()
@@ -424,8 +401,8 @@ class MujocoEngine(Engine):
         if self.physics == "hold" and rows is not None:
             by_dof = np.zeros(self._model.nv)
             data = self._data
-            dofs = data.efc_id[data.ne : data.ne + data.nf]
-            by_dof[dofs] = data.efc_force[data.ne : data.ne + data.nf]
+            drives = slice(data.ne, data.ne + data.nf)
+            by_dof[data.efc_id[drives]] = data.efc_force[drives]
             found[:] = by_dof[rows.velocity]
         return found
 
