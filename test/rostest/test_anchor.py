@@ -288,7 +288,7 @@ class TestAnchor(unittest.TestCase):
             file.write_text("\n".join(",".join(map(str, line)) for line in lines))
         played = run_play(joints, "--anchor", "lowest_foot")
         self.assertEqual(played.returncode, 0, played.stdout)
-        self.assertTrue(self.is_down(self.states.messages[-1]))
+        self.states.wait(self.is_down, "the squat")
         self.assert_feet_stay([*self.states.messages])
         self.assertEqual(self.anchor_now(), "")
         refused = run_play(whole, "--anchor", LEFT)

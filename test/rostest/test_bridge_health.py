@@ -153,6 +153,7 @@ class TestBridgeHealth(unittest.TestCase):
         )
         self.addCleanup(watched.bridge.kill)
         self.addCleanup(watched.close)
+        self.wait_for(LINK_STATES, WARN, "no valid message on", bridge=watched.bridge)
         gate = Gate()
         self.addCleanup(gate.open)
         simulator.answers = lambda m: gate(m) if m == "two" else SUCCESS
