@@ -135,13 +135,18 @@ def changes(node, parent, field, text):
 
 
 def draw(root, count, seed):
-    """Draw lines below src, and a mutant of each."""
-    lines, chance = defaultdict(list), random.Random(seed)
-    for file in sorted(root.glob("src/**/*.py")):
-        for mutant in find(str(file.relative_to(root)), file.read_bytes()):
-            lines[mutant.file, mutant.line].append(mutant)
-    drawn = chance.sample(sorted(lines), min(count, len(lines)))
-    return [chance.choice(lines[line]) for line in drawn]
+    """Draw lines below src, and a mutant of each.
+
+    A line is drawn by its text: changes elsewhere leave the sample as it is.
+    """
+    lines = defaultdict(list)
+    for path in sorted(root.glob("src/**/*.py")):
+        file, data = str(path.relative_to(root)), path.read_bytes()
+        texts = data.decode().splitlines()
+        for mutant in find(file, data):
+            lines[f"{seed} {file} {texts[mutant.line - 1]}"].append(mutant)
+    drawn = sorted(lines, key=lambda line: random.Random(line).random())[:count]
+    return [random.Random(line).choice(lines[line]) for line in drawn]
 
 
 def run(clone, script, seconds=None, **variables):
