@@ -4,6 +4,7 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 import unittest
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -11,12 +12,22 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import rospy
 from g1_description.msg import RobotState, RobotTrajectory
+from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
-from support.ros_testing import DEADLINE, REPOSITORY, Connected, Listener, program
+from support.ros_testing import (
+    DEADLINE,
+    REPOSITORY,
+    Connected,
+    Listener,
+    program,
+    wait_for,
+)
 
 from g1_description import Robot, Stream
 from g1_description.errors import G1DescriptionError, UnknownNameError
 from g1_description.ros.conversions import pose_to_array
+from g1_description.ros.log import ThrottledLog
+from g1_description.ros.robot_states import JoinedStates, RobotStates
 from g1_description.ros.waiting import NoAnswerError
 
 ROBOT = Robot()
@@ -56,6 +67,22 @@ class TestStream(unittest.TestCase):
         poses = ROBOT.link_poses([m.position for m in shown], bases)
         for foot in FEET:
             self.assertLess(np.ptp(poses[foot], axis=0).max(), 4e-4)
+
+    def test_a_program_may_listen_to_the_same_topics(self):
+        """Rospy gives all subscribers of a topic the class of the first one."""
+        log, changed = ThrottledLog(), threading.Event()
+        joined = JoinedStates(
+            "map", "base_link", 0.0, log, "/joint_states", changed, threading.Event()
+        )
+        self.addCleanup(joined.close)
+        later = Connected("/joint_states", JointState)
+        self.addCleanup(later.close)
+        self.assertEqual(len(later.wait().position), len(ROBOT.joint_names))
+        wait_for(joined.newest, "joint states with a base")
+        # The class listened before.
+        states = RobotStates("map", "base_link", 0.0, log, changed=changed)
+        self.addCleanup(states.close)
+        wait_for(lambda: states.is_published and states.newest(), "a state")
 
     def folder(self):
         """Give a folder that goes with the test; enterContext is new in Python 3.11."""

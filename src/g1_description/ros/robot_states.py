@@ -6,6 +6,7 @@ or a real robot, they are joined from ``joint_states`` and TF.
 
 from __future__ import annotations
 
+import io
 import posixpath
 import struct
 import threading
@@ -127,6 +128,7 @@ class RobotStates:
         namespace = posixpath.dirname(rospy.resolve_name(joint_states))
         self._subscriber = _subscribe(
             posixpath.join(namespace, "robot_state"),
+            _RobotStateBytes,
             gathered(self._on_robot_state, period),
             1,
         )
@@ -242,7 +244,10 @@ class JoinedStates:
         self._times: deque[int] = deque(maxlen=MAX_STATES)
         self._tf = tf2_ros.Buffer(debug=False)
         self._joint_states = _subscribe(
-            joint_states, gathered(self._on_joint_states, period), 100
+            joint_states,
+            _JointStateBytes,
+            gathered(self._on_joint_states, period),
+            100,
         )
         self._subscribers = [
             self._joint_states,
@@ -398,14 +403,54 @@ class JoinedStates:
         return np.concatenate([vector_to_array(found.translation), turn])
 
 
+def _kept_as_bytes(kind: type) -> type:
+    """Make a class of messages that are deserialized when a field is read.
+
+    rospy gives all subscribers of a topic in a process messages of the first one's
+    class, so these have to do for a program's own subscribers, too.
+    """
+
+    class Kept(kind):
+        __slots__ = ("data",)
+
+        def __init__(self):
+            """Leave the fields unset."""
+
+        def deserialize(self, data):
+            self.data = data
+            return self
+
+        def __getattr__(self, name):
+            if name not in kind.__slots__:
+                raise AttributeError(name)
+            kind.__init__(self)
+            kind.deserialize(self, self.data)
+            return getattr(self, name)
+
+    return Kept
+
+
+_JointStateBytes = _kept_as_bytes(JointState)
+_RobotStateBytes = _kept_as_bytes(RobotStateMessage)
+
+
 def _subscribe(
-    topic: str, act: Callable[[bytes], None], queue_size: int | None
+    topic: str, kind: type, act: Callable[[bytes], None], queue_size: int
 ) -> rospy.Subscriber:
     """Subscribe to the bytes of a topic."""
+
+    def on_message(message):
+        if isinstance(message, kind):
+            act(message.data)
+        else:  # the program subscribed first
+            buffer = io.BytesIO()
+            message.serialize(buffer)
+            act(buffer.getvalue())
+
     return rospy.Subscriber(
         topic,
-        rospy.AnyMsg,
-        lambda message: act(message._buff),
+        kind,
+        on_message,
         queue_size=queue_size,
         buff_size=BUFFER,
         tcp_nodelay=True,
