@@ -19,7 +19,7 @@ _g1_description_poses() {
 # motion, and the links of the doctor; tools/tables writes them.
 declare -gA _g1_description_options
 # table of commands
-_g1_description_options[check]="--against --all --collisions --csv --dask --fixed-base --format --fps --help --html --input-joint-order --jobs --json --model --motors --no-visual-hulls --only --order --physics --pictures --plot --quiet --selection --shift --thresholds --topic --watch --write-selection"
+_g1_description_options[check]="--against --all --collisions --csv --dask --engine --fixed-base --format --fps --help --html --input-joint-order --jobs --json --model --motors --no-visual-hulls --only --order --physics --pictures --plot --quiet --selection --shift --thresholds --topic --watch --write-selection"
 _g1_description_options[collision_pairs]="--help --out --samples --seed"
 _g1_description_options[doctor]="--help --json --namespace --until"
 _g1_description_options[import_model]="--convex-collisions --decimate --force --help --keep-missing --out --tolerance"

@@ -24,7 +24,7 @@ from g1_description.motion.files.conventions import JOINT_ORDERS
 from g1_description.motion.files.formats import read_motion, write_motion
 from g1_description.motion.mirror import mirrored
 from g1_description.motion.motion import UNIT_TOLERANCE, Motion, fitted
-from g1_description.motion.motors import motors_of
+from g1_description.motion.motors import is_name, motors_of, named_motors
 from g1_description.motion.paths import motion_path
 from g1_description.robot.assembly import WORLD, base_of, root_in_base
 from g1_description.robot.description import Joint
@@ -94,7 +94,8 @@ class Robot:
                 ``package://PACKAGE/PATH`` or ``file://``, optionally followed by
                 arguments for xacro, as in ``robot.xacro hand=true``; or the text of a
                 URDF, such as the parameter robot_description.
-            motors: File of its motors; None: those of its profile.
+            motors: File of its motors, or the name of others of its profile, such as
+                ``pd``; None: the usual ones of its profile.
             collisions: File of its allowed collisions; None: those of its profile.
 
         Raises:
@@ -106,7 +107,10 @@ class Robot:
         self.profile = found.profile
         """Names of its feet, hands and head, and its further files."""
         if motors is not None:
-            self.profile = replace(self.profile, motors=Path(motors).expanduser())
+            given = fspath(motors)
+            is_named = is_name(given) and not Path(given).is_file()
+            file = named_motors(self.profile, given) if is_named else Path(given)
+            self.profile = replace(self.profile, motors=file.expanduser())
         # Given, so that processes on other machines need not find it.
         self.description = replace(found, given_profile=self.profile)
         """Links and joints, as read from the file."""
@@ -614,6 +618,7 @@ class Robot:
         fixed_base: bool = False,
         physics: bool = False,
         visual_hulls: bool = True,
+        engine: str = "bullet",
     ) -> Checker:
         """Create a checker for many motions.
 
@@ -623,9 +628,11 @@ class Robot:
             physics: Whether motions are also simulated, with the robot's motors.
             visual_hulls: Whether links without collision shapes use the convex hulls of
                 their visuals.
+            engine: Physics engine of simulations, ``bullet`` or ``mujoco``.
 
         Raises:
-            G1DescriptionError: If a file cannot be read, or a threshold is unknown.
+            G1DescriptionError: If a file cannot be read, a threshold is unknown, or an
+                engine is not installed.
         """
         if thresholds is None and visual_hulls and not (fixed_base or physics):
             return self._usual_checker
@@ -636,6 +643,7 @@ class Robot:
         if physics:
             conditions = Conditions(
                 motors=motors_of(self.description),
+                engine=engine,
                 fixed_base=fixed_base,
                 stops_at_fall=True,
             )

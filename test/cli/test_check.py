@@ -177,6 +177,7 @@ def test_a_failure_counts_more_than_a_file_that_is_not_read(folder, capsys):
         (["motion0.csv", "--jobs", "0"], "check: argument --jobs: must be a whole "),
         (["motion0.csv", "--jobs", "2", "--dask", "a:1"], "check: --jobs and --dask "),
         (["motion0.csv", "--only", "fall"], "check: --only fall needs --physics; "),
+        (["motion0.csv", "--engine", "mujoco"], "check: --engine needs --physics; "),
         (
             ["motion0.csv", "--only", "colision"],
             "check: argument --only: unknown check ",

@@ -28,6 +28,15 @@ def test_the_physics_of_the_stand_in_are_engines_too(physics):
     assert gzserver.parse([f"--physics={physics}"])[0]["physics"] == physics
 
 
+@pytest.mark.parametrize(
+    ("line", "physics"),
+    [("-e mujoco", "limp"), ("-e hold --engine mujoco", "hold")],
+)
+def test_mujoco_is_an_engine_too(line, physics):
+    given, _ = gzserver.parse(line.split())
+    assert (given["physics"], given["engine"]) == (physics, "mujoco")
+
+
 def test_gazebo_falls_in_an_empty_world_unless_told_otherwise():
     assert gzserver.parse([]) == ({"physics": "limp", "world": ""}, [])
 

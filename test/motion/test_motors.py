@@ -8,7 +8,7 @@ import pytest
 from conftest import REPOSITORY
 
 from g1_description.errors import MotorFileError
-from g1_description.motion.motors import Motor, Motors, motors_of, read_motors
+from g1_description.motion.motors import Motors, ServoMotor, motors_of, read_motors
 from g1_description.robot.urdf import parse_urdf
 
 G1 = parse_urdf((REPOSITORY / "urdf" / "g1_29dof.urdf").read_text())
@@ -38,25 +38,25 @@ def test_the_packages_file_has_a_motor_for_each_joint_of_the_g1(joint):
 @pytest.mark.parametrize("name", ["h1", "g1", "g1_23dof", "g1_29dof_with_hand", ""])
 def test_a_robot_without_a_profile_has_the_motors_of_its_urdf(name):
     """Whatever its joints are called: those of a G1 with 23 joints are not these."""
-    assert motors_of(replace(G1, name=name)).of("left_knee_joint") == Motor()
+    assert motors_of(replace(G1, name=name)).of("left_knee_joint") == ServoMotor()
 
 
 def test_other_joints_have_the_default_motor():
-    assert OURS.of("wheel") == Motor() == Motor(math.inf, 0.1, 1.0)
-    assert OURS.of("my_left_knee_joint_2") == Motor()
+    assert OURS.of("wheel") == ServoMotor() == ServoMotor(math.inf, 0.1, 1.0)
+    assert OURS.of("my_left_knee_joint_2") == ServoMotor()
 
 
 def test_the_first_pattern_that_matches_the_whole_name_counts(file):
     motors = read_motors(
         file("left_.*: {effort: 3}\nleft_knee: {effort: 4}\nknee: {velocity_gain: 0}\n")
     )
-    assert motors.of("left_knee") == Motor(effort=3.0)
-    assert motors.of("knee") == Motor(velocity_gain=0.0)
-    assert motors.of("knee_2") == Motor()
+    assert motors.of("left_knee") == ServoMotor(effort=3.0)
+    assert motors.of("knee") == ServoMotor(velocity_gain=0.0)
+    assert motors.of("knee_2") == ServoMotor()
 
 
 def test_an_empty_file_has_no_motors(file):
-    assert read_motors(file("")).of("knee") == Motors().of("knee") == Motor()
+    assert read_motors(file("")).of("knee") == Motors().of("knee") == ServoMotor()
 
 
 @pytest.mark.parametrize(
@@ -69,7 +69,7 @@ def test_an_empty_file_has_no_motors(file):
         ),
         (
             "knee: {torque: 5}",
-            "unknown key torque of 'knee'. Known keys: effort, position_gain",
+            "unknown key torque of 'knee', which is of kind servo. Known keys: kind",
         ),
         ("knee: {effort: -1}", "effort of 'knee' must be a number at least 0 (got -1)"),
         ("knee: {effort: .nan}", "effort of 'knee' must be a number at least 0"),

@@ -10,7 +10,7 @@ from g1_description.api import Robot
 from g1_description.errors import DescriptionError, ProfileError, UnknownNameError
 from g1_description.gazebo.start import figures
 from g1_description.motion.files.conventions import G1_JOINTS
-from g1_description.motion.motors import Motor, motors_of
+from g1_description.motion.motors import ServoMotor, motors_of
 from g1_description.robot.description import Joint
 from g1_description.robot.load import read_description
 from g1_description.robot.lumping import lump_fixed_joints
@@ -59,7 +59,7 @@ def test_the_g1_has_all_that_a_profile_may_have():
     for pose in poses.values():
         check_pose(pose, G1)
     motors = motors_of(G1)
-    assert all(motors.of(joint.name) != Motor() for joint in G1.movable_joints)
+    assert all(motors.of(joint.name) != ServoMotor() for joint in G1.movable_joints)
     assert profile.collisions == PROFILE / "collisions.yaml"
 
 
@@ -239,8 +239,8 @@ def test_the_profiles_of_the_page_are_profiles(add):
     assert strider.pose(strider.profile.standing_pose)[0] == -0.4
     assert strider.pose_names == ("zero", "stand")
     assert set(strider.profile.links) == {"left_foot", "right_foot"}
-    assert motors_of(strider.description).of("l_ankle") == Motor(effort=20.0)
-    assert motors_of(strider.description).of("l_hip") == Motor()
+    assert motors_of(strider.description).of("l_ankle") == ServoMotor(effort=20.0)
+    assert motors_of(strider.description).of("l_hip") == ServoMotor()
     add("my_g1", like)
     mine = replace(G1, name="my_g1").profile
     assert mine.poses == G1.profile.poses

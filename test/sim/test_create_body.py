@@ -145,7 +145,7 @@ def test_an_impossible_inertia_is_named_only_where_physics_uses_it(make_world):
 
 
 def test_in_kinematic_a_robot_may_have_more_links_than_pybullet(make_world):
-    world = make_world()
+    world = make_world(engine="bullet")
     text = chain(MAX_JOINTS + 2, kept=False)
     (message,) = world.spawn_urdf("tower", text, HIGH)
     assert message.startswith("its contacts are not computed: Robot 'tower' must have")
@@ -160,7 +160,7 @@ def test_in_kinematic_a_robot_may_have_more_links_than_pybullet(make_world):
 
 
 def test_more_links_than_pybullet_has_room_for_are_refused(make_world):
-    world = make_world("hold")
+    world = make_world("hold", engine="bullet")
     assert world.spawn_urdf("fits", chain(MAX_JOINTS + 1, True), HIGH) == ()
     words = "'tower' must have at most 128 links in hold and limp .got 129"
     with pytest.raises(DescriptionError, match=words):

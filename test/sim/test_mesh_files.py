@@ -177,7 +177,7 @@ def test_a_static_mesh_is_hollow_where_its_file_is(make_world, tmp_path, kind):
     """As in Gazebo, whose meshes are no hulls: what is inside of walls is free."""
     file = tmp_path / f"ring.{kind}"
     trimesh.creation.annulus(1.0, 1.2, 1.0).export(file)
-    world = make_world()
+    world = make_world(engine="bullet")
     walls = (
         '<sdf version="1.6"><model name="walls"><static>true</static><link name="l">'
         f'<collision name="c"><geometry><mesh><uri>file://{file}</uri></mesh>'

@@ -13,11 +13,12 @@ from conftest import PROFILE, REPOSITORY
 from scipy.integrate import solve_ivp
 from worlds import Bench
 
-from g1_description.errors import InvalidValueError
+from g1_description import Robot
+from g1_description.errors import InvalidValueError, UnknownNameError
 from g1_description.files.uris import with_absolute_uris
 from g1_description.motion.files.formats import read_motion
 from g1_description.motion.motion import Motion
-from g1_description.motion.motors import Motor, Motors, read_motors
+from g1_description.motion.motors import Motors, ServoMotor, read_motors
 from g1_description.motion.tracking import FallLimits
 from g1_description.robot.lumping import lump_fixed_joints
 from g1_description.robot.urdf import parse_urdf
@@ -340,7 +341,7 @@ def test_what_begins_before_zero_is_refused():
 
 
 def test_weak_motors_are_those_that_are_given():
-    weak = Conditions(Motors({LIFT: Motor(effort=5.0)}))
+    weak = Conditions(Motors({LIFT: ServoMotor(effort=5.0)}))
     result = rollout(CRANE, motion([0.0, 0.0], [LIFT]), weak)
     np.testing.assert_array_equal(result.effort_limits, [EFFORT, 5.0])
     assert result.report.limit_shares[1] == 1.0
@@ -373,6 +374,30 @@ def test_progress_rises_to_the_end():
     rollout(CRANE, motion([0.0, 0.1], [TURN], 0.1), on_progress=shares.append)
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
+
+
+def test_an_engine_that_is_not_installed_is_told_with_what_to_do(monkeypatch):
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    monkeypatch.delitem(sys.modules, "g1_description.sim.mujoco.engine", False)
+    with pytest.raises(UnknownNameError) as caught:
+        Conditions(engine="mujoco")
+    assert str(caught.value) == (
+        "The engine mujoco needs mujoco, which is not installed; to install it, run: "
+        "pip install mujoco==3.2.3"
+    )
+    with pytest.raises(UnknownNameError, match="'ode'; must be one of bullet, mujoco"):
+        Conditions(engine="ode")
+
+
+@pytest.mark.parametrize("engine", ["bullet", "mujoco"])
+def test_a_robot_squats_and_stands_on_either_engine(engine):
+    """Two millimetres from where it began, as in the simulator."""
+    robot = Robot()
+    squat = robot.read_motion("squat.csv")
+    result = rollout(robot.description, squat, Conditions(engine=engine))
+    assert result.fell_at is None
+    moved = result.base_poses[-1, :3] - result.desired_base_poses[-1, :3]
+    assert np.abs(moved).max() < 0.002
 
 
 @pytest.mark.parametrize("rate", [0.0, math.nan, math.inf])

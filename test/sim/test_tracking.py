@@ -10,7 +10,7 @@ from worlds import OUR_G1, Bench
 
 from g1_description.motion.edit import minimum_jerk_trajectory
 from g1_description.motion.motion import Motion, sample
-from g1_description.motion.motors import Motor, Motors
+from g1_description.motion.motors import Motors, ServoMotor
 from g1_description.motion.tracking import FallLimits
 from g1_description.robot.lumping import lump_fixed_joints
 from g1_description.robot.poses import parse_poses
@@ -138,11 +138,11 @@ def test_the_jump_to_a_motion_is_not_its_largest_error(hanging):
 
 
 def test_no_motor_is_stronger_than_the_robots_file_says(make_world, vendors_g1):
-    world = make_world("hold", motors=Motors({".*": Motor(effort=1000.0)}))
+    world = make_world("hold", motors=Motors({".*": ServoMotor(effort=1000.0)}))
     model = spawned(world, vendors_g1, fixed=True)
     joints = model.assembly.description.movable_joints
     wanted = [joint.effort for joint in joints]
-    np.testing.assert_array_equal(world.body("g1").efforts, wanted)
+    np.testing.assert_array_equal(world.engine.effort_limits(model), wanted)
 
 
 KNEE_ONLY = """
@@ -176,7 +176,7 @@ def test_motors_are_those_of_the_profile(name, limit):
 @pytest.mark.parametrize(("effort", "share"), [(2.0, 0.5), (0.0, None)])
 def test_a_weak_motor_is_at_its_limit_and_told_and_no_motor_is_not(effort, share):
     """Motors that are given drive any robot."""
-    world, model, notes = knee(Motors({".*": Motor(effort=effort)}))
+    world, model, notes = knee(Motors({".*": ServoMotor(effort=effort)}))
     np.testing.assert_array_equal(world.engine.effort_limits(model), effort)
     assert notes == ""
     errors = play(world, model, elbow(joint="left_knee_joint"), WATCH)
@@ -191,7 +191,7 @@ def test_a_weak_motor_is_at_its_limit_and_told_and_no_motor_is_not(effort, share
 @pytest.mark.parametrize("given", [math.inf, 40.0])
 def test_an_effort_of_zero_is_unknown_and_the_motor_holds(given):
     """Exporters write 0 where they know none; a file of motors may know more."""
-    world, model, notes = knee(Motors({".*": Motor(effort=given)}), "h1", 0.0)
+    world, model, notes = knee(Motors({".*": ServoMotor(effort=given)}), "h1", 0.0)
     np.testing.assert_array_equal(world.engine.effort_limits(model), given)
     play(world, model, elbow(joint="left_knee_joint"), WATCH)
     (tracked,) = world.motions.take_tracked()
@@ -202,7 +202,7 @@ def test_an_effort_of_zero_is_unknown_and_the_motor_holds(given):
 
 
 def test_softer_gains_follow_more_softly(make_world):
-    world = make_world("hold", motors=Motors({".*": Motor(1000.0, 0.001, 0.05)}))
+    world = make_world("hold", motors=Motors({".*": ServoMotor(1000.0, 0.001, 0.05)}))
     model = spawned(world, OUR_G1, fixed=True)
     assert np.abs(play(world, model, elbow())).max() > 0.02
 

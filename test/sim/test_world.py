@@ -410,7 +410,7 @@ def test_a_robot_with_more_joints_than_pybullet_steps_is_refused(make_world):
         for n in range(1, 129)
     )
     chain = f'<robot name="long">{links}{joints}</robot>'
-    world = make_world("limp")
+    world = make_world("limp", engine="bullet")
     with pytest.raises(DescriptionError, match="128 movable joints"):
         world.spawn_urdf("long", chain, UPRIGHT)
     world.spawn_urdf(
@@ -421,7 +421,7 @@ def test_a_robot_with_more_joints_than_pybullet_steps_is_refused(make_world):
 
 
 def test_a_spawn_that_fails_late_leaves_no_body_behind(make_world, monkeypatch):
-    world = make_world("limp")
+    world = make_world("limp", engine="bullet")
     heavier = 'mass value="5"'
 
     def spoiled(*arguments):

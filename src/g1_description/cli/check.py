@@ -58,6 +58,7 @@ from g1_description.motion.paths import split
 from g1_description.motion.selection import Selection
 from g1_description.render.findings import FindingPictures
 from g1_description.render.terminal import beside
+from g1_description.robot.launch_arguments import ENGINES
 from g1_description.ros.lifecycle import own_arguments
 from g1_description.text import listed, similar_first
 
@@ -146,6 +147,14 @@ class CheckOptions:
         False,
         see="[physics](checks.md#what-physics-says)",
     )
+    engine: str | None = option(
+        "with --physics: physics engine, bullet or mujoco",
+        None,
+        str,
+        choices=ENGINES,
+        shown="bullet",
+        see="[engines](launch.md#engines)",
+    )
     json: str | None = option(
         "write a report with all findings; -: to stdout, instead of the tables",
         None,
@@ -218,6 +227,8 @@ class CheckOptions:
                 raise InvalidValueError(f"{flag} must end in {ending} (got {file})")
         if self.motors and not self.physics:
             raise InvalidValueError("--motors needs --physics")
+        if self.engine and not self.physics:
+            raise InvalidValueError("--engine needs --physics")
         if self.shift is not None and self.against is None:
             raise InvalidValueError("--shift needs --against")
         if self.watch and self.dask is not None:
@@ -403,7 +414,13 @@ def file_checker(args: CheckOptions) -> FileChecker:
     robot = Robot(args.model, args.motors, args.collisions)
     hulls, has_pictures = not args.no_visual_hulls, bool(args.html or args.pictures)
     return FileChecker(
-        robot.checker(args.thresholds, args.fixed_base, args.physics, hulls),
+        robot.checker(
+            args.thresholds,
+            args.fixed_base,
+            args.physics,
+            hulls,
+            args.engine or ENGINES[0],
+        ),
         args.only,
         bool(args.plot or args.html),
         args.fps,

@@ -81,6 +81,9 @@ class GazeboParameters:
     physics: str = "kinematic"
     """``kinematic``, ``hold`` or ``limp``; see [physics](launch.md#physics)."""
 
+    engine: str = "bullet"
+    """``bullet`` or ``mujoco``; see [engines](launch.md#engines)."""
+
     fixed_base: bool = False
     """Fix the root in ``hold`` and ``limp``; with ``~on_floor``, the robot hangs
     clear of the floor."""

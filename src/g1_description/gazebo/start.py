@@ -17,7 +17,7 @@ from g1_description.files.model_files import find_model
 from g1_description.files.xml import decoded
 from g1_description.gazebo.parameters import INITIAL, GazeboParameters, place_robot
 from g1_description.gazebo.services.spawn import log_hulls
-from g1_description.motion.motors import read_motors
+from g1_description.motion.motors import Motors, is_name, named_motors, read_motors
 from g1_description.robot.assembly import Assembly
 from g1_description.ros.master import SLAVE_API_ERRORS, slave_api_of
 from g1_description.ros.parameters import private_parameters
@@ -86,11 +86,13 @@ def make_world(parameters: GazeboParameters) -> tuple[World, GazeboParameters]:
     physics, notes = _physics(content, parameters)
     properties = replace(parameters.properties, **physics)
     parameters = replace(parameters, properties=properties)
-    motors = None
+    motors: Motors | str = ""
     if parameters.physics == "hold":
         given = parameters.motors
-        motors = read_motors(Path(given)) if given else None
-    world = World(parameters.physics, properties, content, motors)
+        motors = given if is_name(given) else given and read_motors(Path(given))
+    world = World(
+        parameters.physics, properties, content, motors or None, parameters.engine
+    )
     for line in (*notes, *world.left_out):
         rospy.logwarn("%s: %s", parameters.world, line)
     own = private_parameters()
@@ -152,6 +154,8 @@ def spawn_robot(world: World, parameters: GazeboParameters) -> None:
         return
     dynamic, fixed = world.is_dynamic, parameters.fixed_base
     assembly, pose = place_robot(parameters.spawn, fixed and dynamic, dynamic)
+    if parameters.physics == "hold" and is_name(parameters.motors):
+        named_motors(assembly.description.profile, parameters.motors)
     for line in world.spawn(name, assembly, pose, fixed):
         rospy.logwarn("%s: %s", name, line)
     try:

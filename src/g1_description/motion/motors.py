@@ -1,7 +1,8 @@
 """Motors of joints: effort limits, and gains with which they follow targets.
 
-A file maps patterns of joint names to numbers, in YAML. The first pattern that matches
-a joint's whole name applies; missing numbers have their defaults.
+A file maps patterns of joint names to a kind of motor and its numbers, in YAML. The
+first pattern that matches a joint's whole name applies; missing numbers have their
+defaults.
 """
 
 from __future__ import annotations
@@ -11,16 +12,18 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Union
 
 from g1_description.errors import MotorFileError
 from g1_description.files.yaml import YamlError, finite_number, read_yaml
 from g1_description.robot.description import Description
+from g1_description.robot.profile import Profile
 from g1_description.text import listed
 
 
 @dataclass(frozen=True)
-class Motor:
-    """The motor of a joint, by default that of PyBullet.
+class ServoMotor:
+    """A motor that brings its joint to a velocity, by default that of PyBullet.
 
     In each step it brings the joint's velocity to
 
@@ -41,7 +44,38 @@ class Motor:
     """Fraction of the velocity error that is corrected in a step."""
 
 
-NAMES = tuple(field.name for field in fields(Motor))
+@dataclass(frozen=True)
+class PdMotor:
+    """A motor whose controller is a spring and a damper, as on the robot.
+
+    Its effort, up to its limit, is
+
+    ``stiffness * (target position - position)
+    + damping * (target velocity - velocity)``
+
+    and the joint keeps the friction and damping of its file.
+    """
+
+    effort: float = math.inf
+    """As of ``ServoMotor``."""
+
+    stiffness: float = 0.0
+    """In [N m/rad] or [N/m]."""
+
+    damping: float = 0.0
+    """In [N m s/rad] or [N s/m]."""
+
+    armature: float = 0.0
+    """Inertia of the rotor behind its gear, in [kg m^2] or [kg]."""
+
+
+Motor = Union[ServoMotor, PdMotor]
+
+KINDS: Mapping[str, type[Motor]] = {"servo": ServoMotor, "pd": PdMotor}
+"""Classes by the ``kind`` of an entry; the first one is the default."""
+
+LARGEST = {"position_gain": 1.0, "velocity_gain": 1.0}
+"""Bounds of numbers; the others have none."""
 
 
 class Motors:
@@ -60,17 +94,44 @@ class Motors:
         for pattern, motor in self._motors:
             if pattern.fullmatch(joint):
                 return motor
-        return Motor()
+        return ServoMotor()
 
 
-def motors_of(robot: Description) -> Motors:
-    """Read the motors of a robot's profile; without one, they are as in its URDF.
+def motors_of(robot: Description, name: str = "") -> Motors:
+    """Read motors of a robot's profile; without one, they are as in its URDF.
+
+    Args:
+        robot: The robot.
+        name: Which of its motors; empty: the usual ones.
 
     Raises:
-        MotorFileError: If the file cannot be read or is invalid.
+        MotorFileError: If the file cannot be read or is invalid, or there are no motors
+            of that name.
     """
-    file = robot.profile.motors
+    file = named_motors(robot.profile, name) if name else robot.profile.motors
     return read_motors(file) if file else Motors()
+
+
+def is_name(given: str) -> bool:
+    """Return whether a user's word for motors is a name, not a file."""
+    return re.fullmatch(r"\w+", given) is not None
+
+
+def named_motors(profile: Profile, name: str) -> Path:
+    """Find the file of a profile's motors ``name``, beside that of its usual ones.
+
+    Raises:
+        MotorFileError: If there is none.
+    """
+    usual, files = profile.motors, {}
+    if usual is not None:
+        found = usual.parent.glob(f"{usual.stem}_*{usual.suffix}")
+        files = {file.stem[len(usual.stem) + 1 :]: file for file in sorted(found)}
+    if name in files:
+        return files[name]
+    whose = f"The profile {profile.name}" if profile.name else "A robot without profile"
+    known = listed(files) if files else "the usual ones"
+    raise MotorFileError(f"{whose} has no motors '{name}'. Known motors: {known}.")
 
 
 def read_motors(file: Path) -> Motors:
@@ -99,23 +160,32 @@ def _pattern(key: object) -> str:
 
 def _motor(key: object, value: object) -> Motor:
     """Read an entry."""
+    numbers = dict(value) if isinstance(value, dict) else {}
+    kind = numbers.pop("kind", "servo")
+    if kind not in KINDS:
+        known = listed(KINDS)
+        raise MotorFileError(f"the kind of '{key}' must be one of {known} (got {kind})")
+    names = [field.name for field in fields(KINDS[kind])]
     if not isinstance(value, dict):
         raise MotorFileError(
-            f"'{key}' must map {listed(NAMES)} to numbers (got {value!r})"
+            f"'{key}' must map {listed(names)} to numbers (got {value!r})"
         )
-    unknown = [str(name) for name in value if name not in NAMES]
+    unknown = [str(name) for name in numbers if name not in names]
     if unknown:
-        known = listed(NAMES)
+        known = listed(["kind", *names])
         raise MotorFileError(
-            f"unknown key {listed(unknown)} of '{key}'. Known keys: {known}"
+            f"unknown key {listed(unknown)} of '{key}', which is of kind {kind}. Known "
+            f"keys: {known}"
         )
-    return Motor(**{name: _number(key, name, value[name]) for name in value})
+    given = {name: _number(key, name, number) for name, number in numbers.items()}
+    return KINDS[kind](**given)
 
 
 def _number(key: object, name: str, value: object) -> float:
     """Check a number of an entry."""
-    largest = math.inf if name == "effort" else 1.0
-    number = math.inf if value == math.inf else finite_number(value)
+    largest = LARGEST.get(name, math.inf)
+    is_endless = name == "effort" and value == math.inf
+    number = math.inf if is_endless else finite_number(value)
     if number is not None and 0.0 <= number <= largest:
         return number
     bounds = "at least 0" if largest == math.inf else "from 0 to 1"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from xml.etree import ElementTree
@@ -17,13 +18,16 @@ from g1_description.text import listed, similar_first
 
 PHYSICS = ("kinematic", "hold", "limp")
 
+ENGINES = ("bullet", "mujoco")
+"""The physics engines; the first one is the default."""
+
 LOWEST_FOOT = "lowest_foot"
 """Anchor that is the lower one of the robot's feet."""
 
 FEET = ("left_foot", "right_foot")
 """Roles of the feet in a robot's profile."""
 
-CHOICES = {"sim": ("standin", "gazebo"), "physics": PHYSICS}
+CHOICES = {"sim": ("standin", "gazebo"), "physics": PHYSICS, "engine": ENGINES}
 """Allowed values by argument."""
 
 BOOLEANS = {
@@ -41,7 +45,7 @@ NUMBERS = ("x", "y", "z", "R", "P", "Y", "rate")
 """Arguments that are numbers or empty."""
 
 FILES = ("motors", "collisions", "thresholds", "rvizconfig")
-"""Arguments that are files or empty."""
+"""Arguments that are files or empty; ``motors`` may be a name of the profile's."""
 
 
 def check_arguments(given: Mapping[str, str]) -> None:
@@ -74,7 +78,8 @@ def check_arguments(given: Mapping[str, str]) -> None:
             f"{given['rate']})."
         )
     for name in FILES:
-        if given.get(name):
+        is_word = name == "motors" and re.fullmatch(r"\w+", given.get(name, ""))
+        if given.get(name) and not is_word:
             _check_file(name, Path(given[name]))
     _check_profile(given.get("robot", ""))
     _check_port(given.get("port", "0"))

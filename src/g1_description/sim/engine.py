@@ -13,9 +13,10 @@ from importlib import import_module
 import numpy as np
 
 from g1_description.bounds import MAX_VALUE
-from g1_description.errors import InvalidValueError, UnknownNameError
+from g1_description.errors import InvalidValueError, MotorFileError, UnknownNameError
 from g1_description.motion.motors import Motors, motors_of
-from g1_description.robot.launch_arguments import PHYSICS
+from g1_description.robot.launch_arguments import ENGINES, PHYSICS
+from g1_description.sim.drives import MAX_EFFORT, Drives, PdCommand
 from g1_description.sim.model import Model
 from g1_description.text import listed
 
@@ -25,10 +26,6 @@ MAX_TIME_STEP = 10.0
 GRAVITY = ("gravity_x", "gravity_y", "gravity_z")
 """Names of the components of gravity."""
 
-MAX_EFFORT = 1e6
-"""Effort limit of a joint without one, or with 0, which exporters write for an unknown
-one, in [N m] or [N]: PyBullet does not accept infinity."""
-
 _WHOLE_NUMBERS = ("sor_pgs_precon_iters", "sor_pgs_iters", "max_contacts")
 
 
@@ -36,8 +33,8 @@ _WHOLE_NUMBERS = ("sor_pgs_precon_iters", "sor_pgs_iters", "max_contacts")
 class PhysicsProperties:
     """Physics properties, by Gazebo's names.
 
-    Of ODE's properties ``sor_pgs_iters``, ``erp`` and ``cfm`` take effect in PyBullet;
-    the others are stored and returned.
+    Of ODE's properties ``sor_pgs_iters`` and ``erp`` take effect, and ``cfm`` in
+    PyBullet; the others are stored and returned.
     """
 
     time_step: float = 0.001
@@ -59,7 +56,7 @@ class PhysicsProperties:
     """Without effect."""
 
     sor_pgs_iters: int = 50
-    """Iterations of PyBullet's solver."""
+    """Most iterations of the solver."""
 
     sor_pgs_w: float = 1.3
     """Without effect."""
@@ -68,7 +65,7 @@ class PhysicsProperties:
     """Without effect."""
 
     cfm: float = 0.0
-    """Constraint force mixing: softness of constraints."""
+    """Constraint force mixing: softness of constraints; without effect in MuJoCo."""
 
     erp: float = 0.2
     """Error reduction parameter: fraction of a constraint error corrected per step."""
@@ -137,7 +134,7 @@ class Engine(ABC):
         self,
         physics: str,
         properties: PhysicsProperties,
-        motors: Motors | None = None,
+        motors: Motors | str | None = None,
     ) -> None:
         if physics not in PHYSICS:
             raise UnknownNameError(
@@ -146,22 +143,25 @@ class Engine(ABC):
         self.physics = physics
         self.properties = properties
         self._given_motors = motors
+        self._drives: dict[str, Drives] = {}
 
     @property
     def is_dynamic(self) -> bool:
         """Whether the engine moves models."""
         return self.physics != "kinematic"
 
-    def motors_of(self, model: Model) -> Motors | None:
-        """Return a model's motors; None where it has none."""
-        if self.physics != "hold":
-            return None
-        return self._given_motors or motors_of(model.assembly.description)
+    def _add_drives(self, model: Model) -> tuple[str, ...]:
+        """Give a model its motors, in ``hold``.
 
-    def unknown_limits(self, model: Model) -> tuple[str, ...]:
-        """Tell which motors of a model have no limit as that of the file is 0."""
+        Returns:
+            A message if it lacks those of the engine's name, and on those without a
+            limit, as that of the robot's file is 0.
+        """
         if self.physics != "hold":
+            self._drives[model.name] = Drives(model, None)
             return ()
+        motors, notes = self._motors_of(model)
+        self._drives[model.name] = Drives(model, motors)
         joints = model.assembly.description.movable_joints
         limits = self.effort_limits(model).tolist()
         unknown = [
@@ -169,12 +169,25 @@ class Engine(ABC):
             for joint, limit in zip(joints, limits)
             if joint.effort == 0.0 and limit == np.inf
         ]
-        if not unknown:
-            return ()
-        return (
-            f"the effort limit of {listed(unknown)} is 0, which means unknown: the "
-            "motors have no limit in physics",
-        )
+        if unknown:
+            notes += (
+                f"the effort limit of {listed(unknown)} is 0, which means unknown: the "
+                "motors have no limit in physics",
+            )
+        return notes
+
+    def _motors_of(self, model: Model) -> tuple[Motors, tuple[str, ...]]:
+        """Choose the motors of a model; return also a message if there are none."""
+        given, description = self._given_motors, model.assembly.description
+        if isinstance(given, Motors):
+            return given, ()
+        try:
+            return motors_of(description, given or ""), ()
+        except MotorFileError as error:
+            if not given:
+                raise
+            is_told = bool(description.movable_joints)
+            return Motors(), (str(error).rstrip("."),) * is_told
 
     @abstractmethod
     def close(self) -> None:
@@ -223,11 +236,17 @@ class Engine(ABC):
     def write(self, model: Model) -> None:
         """Write roots and joints of a model to the engine; motor targets stay."""
 
-    @abstractmethod
     def write_joints(self, model: Model, rows: Iterable[int]) -> None:
         """Write some movable joints of a model, also as motor targets."""
+        self._write_joints(model, rows)
+        own = np.array([*rows], dtype=int)
+        if self.is_dynamic and own.size:
+            self.follow(model, own, model.target[own], np.zeros(len(own)))
 
     @abstractmethod
+    def _write_joints(self, model: Model, rows: Iterable[int]) -> None:
+        """Write some movable joints of a model."""
+
     def follow(
         self,
         model: Model,
@@ -235,7 +254,7 @@ class Engine(ABC):
         positions: np.ndarray,
         velocities: np.ndarray,
     ) -> None:
-        """Set targets of motors.
+        """Set targets of a model's own motors, which take the joints back.
 
         Args:
             model: The model.
@@ -243,6 +262,25 @@ class Engine(ABC):
             positions: Target positions in [rad] or [m], shape (n,).
             velocities: Target velocities in [rad/s] or [m/s], shape (n,).
         """
+        if model.name in self._drives:
+            self._drives[model.name].follow(rows, positions, velocities)
+            self._update_drives(model, rows)
+
+    def drive(self, model: Model, rows: np.ndarray, command: PdCommand) -> None:
+        """Let a controller drive movable joints, until they get targets again.
+
+        Args:
+            model: The model.
+            rows: Rows of its movable joints, shape (n,).
+            command: The command to them.
+        """
+        if model.name in self._drives:
+            self._drives[model.name].obey(rows, command)
+            self._update_drives(model, rows)
+
+    @abstractmethod
+    def _update_drives(self, model: Model, rows: np.ndarray) -> None:
+        """Apply the drives of some movable joints from the next step on."""
 
     @abstractmethod
     def efforts(self, model: Model) -> np.ndarray:
@@ -251,12 +289,14 @@ class Engine(ABC):
         Zeros before the first one, shape (n_joints,).
         """
 
-    @abstractmethod
     def effort_limits(self, model: Model) -> np.ndarray:
         """Return the largest efforts of motors, in [N m] or [N], shape (n_joints,).
 
         Infinite where neither the robot's file nor that of the motors has a limit.
         """
+        drives = self._drives.get(model.name)
+        limits = np.zeros(0) if drives is None else drives.limits
+        return np.where(limits < MAX_EFFORT, limits, np.inf)
 
     @abstractmethod
     def apply_wrench(self, model: Model, link: str, wrench: np.ndarray) -> None:
@@ -292,31 +332,14 @@ class Engine(ABC):
         """
 
 
-ENGINES = {
-    "bullet": ("g1_description.sim.bullet.engine", "BulletEngine"),
-    "mujoco": ("g1_description.sim.mujoco.engine", "MujocoEngine"),
-}
-"""Modules and classes of the engines by name; the first one is the default."""
-
-
-def make_engine(
-    name: str,
-    physics: str,
-    properties: PhysicsProperties,
-    motors: Motors | None = None,
-) -> Engine:
-    """Make an engine without models.
+def engine_class(name: str) -> type[Engine]:
+    """Import an engine.
 
     Args:
         name: One of ``ENGINES``.
-        physics: One of ``PHYSICS``.
-        properties: The physics properties.
-        motors: Motors of the joints in ``hold`` physics; None: those of each robot's
-            profile.
 
     Raises:
-        UnknownNameError: If there is no such engine or physics, or its library is not
-            installed.
+        UnknownNameError: If there is no such engine, or its library is not installed.
     """
     if name not in ENGINES:
         raise UnknownNameError(
@@ -324,16 +347,16 @@ def make_engine(
         )
     # Imported by name and on use: an engine knows this module, not the reverse, and its
     # library loads slowly.
-    module, kind = ENGINES[name]
     try:
-        make = getattr(import_module(module), kind)
+        module = import_module(f"g1_description.sim.{name}.engine")
     except ModuleNotFoundError as error:
+        library = str(error.name)
         raise UnknownNameError(
-            f"The engine {name} needs {error.name}, which is not installed: pip "
-            f"install {INSTALLED.get(str(error.name), error.name)}."
+            f"The engine {name} needs {library}, which is not installed; to install "
+            f"it, run: pip install {INSTALLED.get(library, library)}"
         ) from error
-    engine: Engine = make(physics, properties, motors)
-    return engine
+    found: type[Engine] = getattr(module, f"{name.title()}Engine")
+    return found
 
 
 INSTALLED = {"mujoco": "mujoco==3.2.3"}

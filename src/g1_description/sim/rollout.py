@@ -21,7 +21,7 @@ from g1_description.robot.assembly import Assembly
 from g1_description.robot.description import Description
 from g1_description.robot.lumping import lump_fixed_joints
 from g1_description.robot.transform import IDENTITY, compose, inverse
-from g1_description.sim.engine import PhysicsProperties
+from g1_description.sim.engine import PhysicsProperties, engine_class
 from g1_description.sim.model import Model
 from g1_description.sim.motions import WATCH_TIME, MotionTracker
 from g1_description.sim.standing import hanging_height, standing_height
@@ -35,10 +35,14 @@ MAX_ROWS = 30_000
 class Conditions:
     """The conditions of a rollout, by default the simulator's."""
 
-    motors: Motors | None = None
-    """Motors of the joints; None: those of the robot's profile."""
+    motors: Motors | str | None = None
+    """Motors of the joints, or a name of those of the robot's profile; None: the usual
+    ones."""
 
     properties: PhysicsProperties = field(default_factory=PhysicsProperties)
+    engine: str = "bullet"
+    """One of ``ENGINES``."""
+
     fall_limits: FallLimits = field(default_factory=FallLimits)
     fixed_base: bool = False
     """Whether the base hangs clear of the floor and does not move."""
@@ -58,11 +62,13 @@ class Conditions:
 
         Raises:
             InvalidValueError: If one is out of its range.
+            UnknownNameError: If the engine is not installed.
         """
         if not 0.0 < self.rate < math.inf:
             raise InvalidValueError(f"rate must be greater than 0 Hz (got {self.rate})")
         if not self.properties.step_ns:
             raise InvalidValueError("time_step must be greater than 0")
+        engine_class(self.engine)
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +154,8 @@ def rollout(
     under = conditions or Conditions()
     assembly = _at_beginning(lump_fixed_joints(robot), motion)
     pose, lift = _place(assembly, motion, under.on_floor, under.fixed_base)
-    with closing(World("hold", under.properties, motors=under.motors)) as world:
+    world = World("hold", under.properties, None, under.motors, under.engine)
+    with closing(world):
         world.motions.fall_limits = under.fall_limits
         left_out = world.spawn(robot.name, assembly, pose, under.fixed_base)
         model = world.model(robot.name)

@@ -7,14 +7,18 @@ calls at the same steps give bit-identical results.
 from __future__ import annotations
 
 import threading
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
 
-from g1_description.errors import DescriptionError, UnknownNameError
+from g1_description.errors import (
+    DescriptionError,
+    InvalidValueError,
+    UnknownNameError,
+)
 from g1_description.motion.motors import Motors
 from g1_description.robot.assembly import SCOPE, Assembly
 from g1_description.robot.description import Description, Inertial
@@ -22,7 +26,8 @@ from g1_description.robot.lumping import impossible_inertias
 from g1_description.robot.transform import compose
 from g1_description.sdf.world import EMPTY_WORLD, Light, Sdf, read_sdf
 from g1_description.sim.anchor import Anchors
-from g1_description.sim.engine import PhysicsProperties, make_engine
+from g1_description.sim.drives import PdCommand
+from g1_description.sim.engine import PhysicsProperties, engine_class
 from g1_description.sim.entities import (
     Entities,
     Entity,
@@ -58,7 +63,7 @@ class World:
         physics: str = "kinematic",
         properties: PhysicsProperties | None = None,
         content: Sdf | None = None,
-        motors: Motors | None = None,
+        motors: Motors | str | None = None,
         engine: str = "bullet",
     ) -> None:
         """Create a world.
@@ -68,9 +73,10 @@ class World:
             properties: The physics properties; by default Gazebo's.
             content: Models and lights; by default a ground plane and a sun. A model
                 that cannot be loaded is ignored.
-            motors: Motors of the joints in ``hold``, bounded by the robots' files;
+            motors: Motors of the joints in ``hold``, or the name of those of each
+                robot's profile, bounded by the robots' files;
                 None: those of each robot's profile.
-            engine: One of ``ENGINES``, which moves the models.
+            engine: One of ``ENGINES``, which moves the models in ``hold`` and ``limp``.
 
         Raises:
             UnknownNameError: If there is no such physics or engine.
@@ -80,8 +86,8 @@ class World:
         self.lock = threading.Lock()
         """For threads that read while another one changes the world. A step locks it
         only while it updates the models; other changes need it, too."""
-        self.engine = make_engine(
-            engine, physics, properties or PhysicsProperties(), motors
+        self.engine = engine_class(engine)(
+            physics, properties or PhysicsProperties(), motors
         )
         self.forces = ForceSchedule(self.is_dynamic)
         """Current and future wrenches and efforts."""
@@ -290,6 +296,34 @@ class World:
         if not self.motions.moves_base(model):
             self.anchors.hold(model)
         return report
+
+    def drive(
+        self, model: Model, names: Sequence[str], command: PdCommand
+    ) -> list[str]:
+        """Let a controller drive joints of a model, from the next step on.
+
+        It does until they get targets, a motion or another command; a motion that they
+        have ends.
+
+        Args:
+            model: The model.
+            names: Names of joints.
+            command: The command to them, in this order.
+
+        Returns:
+            The names of joints that the model does not have, which are ignored.
+
+        Raises:
+            InvalidValueError: In ``kinematic`` physics; nothing is changed.
+        """
+        if not self.is_dynamic:
+            raise InvalidValueError("nothing drives the joints in kinematic physics")
+        rows = [model.joint_row(name) for name in names]
+        known = [number for number, row in enumerate(rows) if row is not None]
+        own = np.array([rows[number] for number in known], dtype=int)
+        self.engine.drive(model, own, PdCommand(*(part[known] for part in command)))
+        self.motions.release(model, own.tolist())
+        return [name for name, row in zip(names, rows) if row is None]
 
     def set_model_state(
         self, model: Model, pose: np.ndarray, twist: np.ndarray, frame: Frame

@@ -15,6 +15,7 @@ import rospy
 from gazebo_msgs.srv import GetPhysicsProperties
 from std_srvs.srv import Empty
 
+from g1_description.robot.launch_arguments import ENGINES
 from g1_description.ros.connection import Connection
 from g1_description.ros.master import SLAVE_API_ERRORS
 from g1_description.srv import SetRealTimeFactor, Step
@@ -63,12 +64,20 @@ class LiveSimulator:
             self._watched.wait()
             try:
                 self._paused = bool(properties().pause)
-                self._physics = str(rospy.get_param(f"{self._name}/physics", ""))
+                self._physics = self._read_physics()
                 self._answered = time.monotonic()
             except (rospy.ROSException, rospy.ServiceException, *SLAVE_API_ERRORS):
                 self._paused = None
             self._measure()
             time.sleep(PERIOD)
+
+    def _read_physics(self) -> str:
+        """Read the kind of physics, and the engine if it is not the usual one."""
+        physics = str(rospy.get_param(f"{self._name}/physics", ""))
+        engine = rospy.get_param(f"{self._name}/engine", ENGINES[0])
+        if physics == "kinematic" or engine == ENGINES[0]:
+            return physics
+        return f"{physics}, {engine}"
 
     def _measure(self) -> None:
         """Measure the real-time factor."""

@@ -13,13 +13,15 @@ import rospy
 from g1_description.command_line import Ignored, OneSentenceParser
 from g1_description.files.model_files import RESOURCE_PATH, resource_folders
 from g1_description.gazebo.programs import gzclient
+from g1_description.robot.launch_arguments import ENGINES
 from g1_description.ros.lifecycle import own_arguments
 
 PHYSICS = {
-    **dict.fromkeys(("ode", "bullet", "dart", "simbody"), "limp"),
+    **dict.fromkeys(("ode", "bullet", "dart", "simbody", "mujoco"), "limp"),
     **{name: name for name in ("kinematic", "hold", "limp")},
 }
-"""Physics by engine: with all of Gazebo's engines robots have no motors."""
+"""Physics by engine: with all of Gazebo's engines, and MuJoCo, robots have no
+motors."""
 
 EMPTY_WORLD = "worlds/empty.world"
 """Name of Gazebo's default world, which needs no file here."""
@@ -64,7 +66,11 @@ def parser() -> OneSentenceParser:
         "--physics",
         choices=PHYSICS,
         default="ode",
-        help="all engines of Gazebo mean limp: robots without motors",
+        help="all engines of Gazebo mean limp: robots without motors; mujoco: limp "
+        "with --engine mujoco",
+    )
+    made.add_argument(
+        "--engine", choices=ENGINES, help="physics engine of the stand-in (bullet)"
     )
     for names in IGNORED_FLAGS:
         made.add_argument(*names, dest="ignored", action=Ignored, nargs=0)
@@ -122,6 +128,9 @@ def parse(arguments: list[str]) -> tuple[dict, list[str]]:
     args = reader.parse_intermixed_args(arguments)
     world, *others = args.world or [""]
     given = {"physics": PHYSICS[args.physics]}
+    engine = args.engine or ("mujoco" if args.physics == "mujoco" else "")
+    if engine:
+        given["engine"] = engine
     try:
         given["world"] = find_world(world)
     except argparse.ArgumentTypeError as error:

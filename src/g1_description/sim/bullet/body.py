@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 
 from g1_description.bounds import MAX_VALUE
-from g1_description.motion.motors import Motors
 from g1_description.robot.assembly import SCOPE
 from g1_description.robot.rotation import cross
 from g1_description.robot.transform import compose, inverse
 from g1_description.sim.bullet.client import BulletClient
 from g1_description.sim.bullet.create_body import ROOT
-from g1_description.sim.engine import MAX_EFFORT
+from g1_description.sim.drives import Drives
 from g1_description.sim.model import Model
 
 MAX_JOINT_VELOCITY = 1000.0
@@ -41,8 +40,8 @@ class Body:
         number: int,
         links: Sequence[str],
         model: Model,
+        drives: Drives,
         tree: int = 0,
-        motors: Motors | None = None,
     ) -> None:
         """Wrap a body of ``create_body``, and write the model's state to it.
 
@@ -51,15 +50,15 @@ class Body:
             number: PyBullet's number for the body.
             links: Names by PyBullet's numbers for its links from ``ROOT`` on.
             model: The model.
+            drives: The drives of the model's joints.
             tree: Index of the tree in the model.
-            motors: Motors that hold its joints; None: no motors.
         """
         self._client = client
         self.number = number
         self.model = model
         self.tree = model.trees[tree]
         self._tree_number = tree
-        self._holds = motors is not None
+        self._drives = drives
         self._link_names = dict(enumerate(links, ROOT))
         self._index: dict[str, int] = {}
         for index, name in self._link_names.items():
@@ -73,26 +72,17 @@ class Body:
         """Rows of its movable joints in the model."""
         self._own = {row: own for own, row in enumerate(self.rows)}
         self._joints = [self._index[joint.child] for joint in joints]
-        drives = [(motors or Motors()).of(joint.name) for joint in joints]
-        efforts = [
-            min(joint.effort or MAX_EFFORT, drive.effort, MAX_EFFORT)
-            for joint, drive in zip(joints, drives)
-        ]
-        self.efforts = np.array(efforts, dtype=float)
-        """Largest efforts of the motors, in [N m] or [N], shape (n_joints,)."""
-        self._position_gains = np.array([drive.position_gain for drive in drives])
-        self._velocity_gains = np.array([drive.velocity_gain for drive in drives])
-        self._damping = np.array([joint.damping for joint in joints])
-        self._friction = np.array([joint.friction for joint in joints])
         self._was_damped = False
+        self.applied = np.zeros(len(joints))
+        """Efforts of drives without a servo in the last step, in [N m] or [N]."""
         self._set_contacts()
         self.update_gravity()
         for name in model.ode_joints:
             self.update_joint(name)
         if joints:  # PyBullet starts with motors as friction
-            self._slow_down(np.zeros(len(joints)))
+            self._slow_down(self.rows, np.zeros(len(joints)))
         self.write()
-        self._hold_position(self.rows)
+        self.update_drives(np.array(self.rows, dtype=int))
 
     def _set_contacts(self) -> None:
         """Set friction and restitution, and disable air damping."""
@@ -165,15 +155,13 @@ class Body:
         self._reset_joints(self.rows)
 
     def write_joints(self, rows: Iterable[int]) -> None:
-        """Write positions and velocities of joints, and the targets of their motors.
+        """Write positions and velocities of joints.
 
         Args:
             rows: Rows of movable joints in the model; those of other trees are
                 skipped.
         """
-        own = [row for row in rows if row in self._own]
-        self._reset_joints(own)
-        self._hold_position(own)
+        self._reset_joints(row for row in rows if row in self._own)
 
     def _reset_joints(self, rows: Iterable[int]) -> None:
         position, velocity = self.model.position, self.model.velocity
@@ -183,37 +171,31 @@ class Body:
                 self.number, number, position[row], velocity[row]
             )
 
-    def _hold_position(self, rows: Sequence[int]) -> None:
-        if self._holds:
-            own = np.array(rows, dtype=int)
-            self.follow(own, self.model.target[own], np.zeros(len(own)))
-
     def joint_states(self) -> Sequence[tuple]:
         """Read position, velocity, reaction and effort of each movable joint."""
         states: Sequence[tuple] = self._client.getJointStates(self.number, self._joints)
         return states
 
-    def follow(
-        self, rows: np.ndarray, positions: np.ndarray, velocities: np.ndarray
-    ) -> None:
-        """Set targets of motors, as ``Engine.follow``; other trees' are skipped."""
-        own = [self._own.get(row, -1) for row in rows.tolist()]
-        if min(own, default=0) < 0:
-            is_own = np.array(own) >= 0
-            positions, velocities = positions[is_own], velocities[is_own]
-            own = [number for number in own if number >= 0]
-        if not own:
-            return
-        self._client.setJointMotorControlArray(
-            self.number,
-            [self._joints[number] for number in own],
-            self._client.POSITION_CONTROL,
-            targetPositions=positions,
-            targetVelocities=velocities,
-            forces=self.efforts[own],
-            positionGains=self._position_gains[own],
-            velocityGains=self._velocity_gains[own],
-        )
+    def update_drives(self, rows: np.ndarray) -> None:
+        """Apply the drives of joints of the model; those of other trees are skipped."""
+        drives = self._drives
+        own = [row for row in rows.tolist() if row in self._own]
+        servos = [row for row in own if drives.is_servo[row]]
+        self._slack = [row for row in self.rows if not drives.is_servo[row]]
+        if len(servos) < len(own):
+            loose = [row for row in own if not drives.is_servo[row]]
+            self._slow_down(loose, np.zeros(len(loose)))
+        if servos:
+            self._client.setJointMotorControlArray(
+                self.number,
+                [self._joints[self._own[row]] for row in servos],
+                self._client.POSITION_CONTROL,
+                targetPositions=drives.positions[servos],
+                targetVelocities=drives.velocities[servos],
+                forces=drives.limits[servos],
+                positionGains=drives.position_gains[servos],
+                velocityGains=drives.velocity_gains[servos],
+            )
 
     def apply_effort(self, row: int, effort: float) -> None:
         """Apply an effort to a joint of the model, if it belongs to this tree."""
@@ -223,25 +205,32 @@ class Body:
                 self.number, number, torque, force=effort
             )
 
-    def apply_damping(self) -> None:
-        """Apply friction and damping of the joints in the next step.
+    def apply_drives(self) -> None:
+        """Apply efforts, friction and damping of joints without a servo for a step.
 
-        Uses motors with a target velocity of zero and these efforts as limits:
-        PyBullet's own damping overshoots if it is large for the step, and PyBullet has
-        no joint friction.
+        Friction and damping are motors with a target velocity of zero and these efforts
+        as limits: PyBullet's own damping overshoots if it is large for the step, and
+        PyBullet has no joint friction.
         """
-        is_damped = bool(self._damping.any() or self._friction.any())
-        if (
-            is_damped or self._was_damped
-        ):  # a motor keeps its force until it is set again
-            speed = np.abs(self.model.velocity[self.rows])
-            self._slow_down(self._friction + self._damping * speed)
+        slack, drives, model = self._slack, self._drives, self.model
+        if not slack:
+            return
+        speed = np.abs(model.velocity[slack])
+        efforts = drives.friction[slack] + drives.joint_damping[slack] * speed
+        # A motor keeps its force until it is set again.
+        is_damped = bool(efforts.any())
+        if is_damped or self._was_damped:
+            self._slow_down(slack, efforts)
         self._was_damped = is_damped
+        self.applied = drives.efforts(model.position, model.velocity)[self.rows]
+        for own in np.flatnonzero(self.applied).tolist():
+            self.apply_effort(self.rows[own], self.applied[own])
 
-    def _slow_down(self, efforts: np.ndarray) -> None:
-        """Set motors that stop the joints by these efforts, shape (n_joints,)."""
+    def _slow_down(self, rows: Sequence[int], efforts: np.ndarray) -> None:
+        """Set motors that stop joints by efforts, shape (n,)."""
+        joints = [self._joints[self._own[row]] for row in rows]
         self._client.setJointMotorControlArray(
-            self.number, self._joints, self._client.VELOCITY_CONTROL, forces=efforts
+            self.number, joints, self._client.VELOCITY_CONTROL, forces=efforts
         )
 
     def update_joint(self, name: str) -> None:
@@ -250,7 +239,7 @@ class Body:
         if row not in self._own:
             return
         if "damping" in given:
-            self._damping[self._own[row]] = given["damping"]
+            self._drives.joint_damping[row] = given["damping"]
         if "loStop" in given or "hiStop" in given:  # PyBullet needs both
             lower = float(self.model.lower[row])
             upper = float(self.model.upper[row])

@@ -23,6 +23,7 @@ from g1_description.robot.rotation import axes_to_rpy, from_rpy, rotate
 from g1_description.robot.transform import IDENTITY
 from g1_description.robot.tree import depth_first
 from g1_description.sim.bullet.client import BulletClient, pybullet
+from g1_description.sim.drives import Drives
 from g1_description.sim.meshes.hulls import cylinder_points, thinned_hulls
 from g1_description.sim.meshes.shapes import Mesh, is_there
 from g1_description.sim.meshes.stl import write_stl
@@ -95,13 +96,18 @@ class _Row:
 
 
 def create_body(
-    client: BulletClient, model: Model, meshes: Mapping[str, Mesh], tree: int = 0
+    client: BulletClient,
+    model: Model,
+    drives: Drives,
+    meshes: Mapping[str, Mesh],
+    tree: int = 0,
 ) -> tuple[int, list[str]]:
     """Create the body of a tree of a model, at its state.
 
     Args:
         client: PyBullet.
         model: The model.
+        drives: The drives of its joints.
         meshes: The meshes of its collision shapes, by their names in the file; shapes
             of other meshes are ignored.
         tree: Index of the tree.
@@ -117,7 +123,7 @@ def create_body(
     description, fixed = model.assembly.description.trees[tree], model.trees[tree].fixed
     with tempfile.TemporaryDirectory(dir=_temporary_folder()) as folder:
         forms = _Forms(meshes, Path(folder), model.assembly.static)
-        rows = _rows(description, forms)
+        rows = _rows(description, forms, drives.armature_by_name)
         if len(rows) > MAX_JOINTS + 1:
             raise TooManyLinksError(
                 f"Robot '{description.name}' must have at most {MAX_JOINTS + 1} links "
@@ -147,10 +153,17 @@ def _temporary_folder() -> str:
     return usual if usual.isascii() else "/tmp"
 
 
-def _rows(description: Description, forms: _Forms) -> list[_Row]:
+def _rows(
+    description: Description, forms: _Forms, armature: Mapping[str, float]
+) -> list[_Row]:
     """List the links of a tree as PyBullet numbers them: depth first.
 
     A link with too many shapes is followed by massless links fixed to it.
+
+    Args:
+        description: The tree.
+        forms: Makes the shapes.
+        armature: Inertia of rotors in [kg m^2], by joint.
     """
     above = {joint.child: joint for joint in description.joints}
     links = {link.name: link for link in description.links}
@@ -165,6 +178,8 @@ def _rows(description: Description, forms: _Forms) -> list[_Row]:
             position = position - rows[parent].anchor
         places[name] = place = len(rows)
         inertial = _inertial(links[name], joint is None)
+        if joint is not None and joint.kind != "prismatic":
+            inertial = _with_rotor(inertial, joint.axis, armature.get(joint.name, 0.0))
         all_forms = forms.of(links[name].collisions, anchor)
         first, *others = _groups(all_forms)
         rows.append(_Row(name, parent, joint, position, anchor, inertial, first))
@@ -189,6 +204,17 @@ def _inertial(link: Link, is_root: bool) -> Inertial:
     if is_positive(inertial.inertia):
         return inertial
     return replace(inertial, inertia=np.eye(3))  # as Gazebo's ODE
+
+
+def _with_rotor(inertial: Inertial, axis: np.ndarray, armature: float) -> Inertial:
+    """Add the inertia of a rotor about its joint's axis: PyBullet has no rotors.
+
+    They also resist turns of the link above, which those of real gears do not.
+    """
+    if not armature:
+        return inertial
+    unit = axis / np.linalg.norm(axis)
+    return replace(inertial, inertia=inertial.inertia + armature * np.outer(unit, unit))
 
 
 def _create(

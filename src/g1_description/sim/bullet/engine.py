@@ -20,7 +20,7 @@ from g1_description.sim.bullet.create_body import (
     TooManyLinksError,
     create_body,
 )
-from g1_description.sim.engine import MAX_EFFORT, Engine, PhysicsProperties
+from g1_description.sim.engine import Engine, PhysicsProperties
 from g1_description.sim.meshes.shapes import find_meshes
 from g1_description.sim.model import Model, States
 from g1_description.sim.moving_models import MovingModels, RestDetector
@@ -37,7 +37,7 @@ class BulletEngine(Engine):
         self,
         physics: str,
         properties: PhysicsProperties,
-        motors: Motors | None = None,
+        motors: Motors | str | None = None,
     ) -> None:
         super().__init__(physics, properties, motors)
         self._client = connect()
@@ -93,7 +93,7 @@ class BulletEngine(Engine):
         for body in self._woken(model):
             body.write()
 
-    def write_joints(self, model: Model, rows: Iterable[int]) -> None:
+    def _write_joints(self, model: Model, rows: Iterable[int]) -> None:
         """Write some joints to the bodies; deferred in kinematic physics."""
         if not self.is_dynamic:
             self._moved[model.name] = model
@@ -102,16 +102,10 @@ class BulletEngine(Engine):
         for body in self._woken(model):
             body.write_joints(rows)
 
-    def follow(
-        self,
-        model: Model,
-        rows: np.ndarray,
-        positions: np.ndarray,
-        velocities: np.ndarray,
-    ) -> None:
-        """Set targets of motors."""
+    def _update_drives(self, model: Model, rows: np.ndarray) -> None:
+        """Apply the drives of some joints."""
         for body in self._woken(model):
-            body.follow(rows, positions, velocities)
+            body.update_drives(rows)
 
     def apply_wrench(self, model: Model, link: str, wrench: np.ndarray) -> None:
         """Apply a wrench to a link in the next step."""
@@ -143,6 +137,11 @@ class BulletEngine(Engine):
                 f"Robot '{name}' has {joints} movable joints; more than {MAX_JOINTS} "
                 "need kinematic physics."
             )
+        left_out = self._add_drives(model)
+        return self._make(model) + left_out
+
+    def _make(self, model: Model) -> tuple[str, ...]:
+        """Make the bodies of a model, as ``add``."""
         before = self._client.getNumBodies()
         try:
             self._bodies[model.name], left_out = self._load(model)
@@ -153,7 +152,7 @@ class BulletEngine(Engine):
         self._is_sorted = False
         self._rest.wake()
         self._depenetration.expect_overlaps()
-        return left_out + self.unknown_limits(model)
+        return left_out
 
     def _load(self, model: Model) -> tuple[tuple[Body, ...], tuple[str, ...]]:
         """Load all trees of a model; links of one model pass through each other."""
@@ -161,16 +160,16 @@ class BulletEngine(Engine):
         meshes, left_out = find_meshes(
             s for link in model.assembly.description.links for s in link.collisions
         )
-        motors = self.motors_of(model)
+        drives = self._drives[model.name]
         for tree in range(len(model.trees)):
             try:
-                number, links = create_body(self._client, model, meshes, tree)
+                number, links = create_body(self._client, model, drives, meshes, tree)
             except TooManyLinksError as error:
                 if self.is_dynamic:
                     raise
                 left_out += (f"its contacts are not computed: {error}",)
                 continue
-            bodies.append(Body(self._client, number, links, model, tree, motors))
+            bodies.append(Body(self._client, number, links, model, drives, tree))
         for first, second in combinations(bodies, 2):
             first.pass_through(second)
         return tuple(bodies), left_out
@@ -178,6 +177,7 @@ class BulletEngine(Engine):
     def remove(self, name: str) -> None:
         """Remove a model's bodies, if it has any."""
         self._moved.pop(name, None)
+        self._drives.pop(name, None)
         self._rest.wake()
         self._remove(self._bodies.pop(name, ()))
 
@@ -188,7 +188,7 @@ class BulletEngine(Engine):
             DescriptionError: If it cannot be loaded.
         """
         old = self._bodies.get(model.name, ())
-        self.add(model)
+        self._make(model)
         self._remove(old)
 
     def _remove(self, bodies: Iterable[Body]) -> None:
@@ -218,9 +218,8 @@ class BulletEngine(Engine):
         self._sort()
         for body in self._weightless:
             body.compensate_gravity(self.properties.gravity)
-        if self.physics == "limp":
-            for body in self._jointed:
-                body.apply_damping()
+        for body in self._jointed:
+            body.apply_drives()
         self._depenetration.apply(self._by_number, self.properties)
         self._client.stepSimulation()
         self._moving.read()
@@ -252,15 +251,9 @@ class BulletEngine(Engine):
         found = np.zeros(len(model.joint_names))
         for body in self._bodies.get(model.name, ()):
             if body.rows:
-                found[body.rows] = [state[3] for state in body.joint_states()]
-        return found
-
-    def effort_limits(self, model: Model) -> np.ndarray:
-        """Return the largest efforts of motors."""
-        found = np.full(len(model.joint_names), np.inf)
-        for body in self._bodies.get(model.name, ()):
-            limited = body.efforts < MAX_EFFORT
-            found[body.tree.joints[limited]] = body.efforts[limited]
+                by_servos = [state[3] for state in body.joint_states()]
+                is_servo = self._drives[model.name].is_servo[body.rows]
+                found[body.rows] = np.where(is_servo, by_servos, body.applied)
         return found
 
     def contacts(self) -> set[tuple[str, str]]:

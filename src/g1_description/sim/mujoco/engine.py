@@ -12,7 +12,7 @@ from g1_description.errors import DescriptionError, cause
 from g1_description.motion.motors import Motors
 from g1_description.robot.assembly import SCOPE
 from g1_description.robot.rotation import conjugate, cross, rotate
-from g1_description.sim.engine import MAX_EFFORT, Engine, PhysicsProperties
+from g1_description.sim.engine import Engine, PhysicsProperties
 from g1_description.sim.meshes.shapes import Mesh, find_meshes
 from g1_description.sim.model import Model, States
 from g1_description.sim.moving_models import MovingModels, RestDetector
@@ -51,6 +51,8 @@ class _Rows:
         self.joints = np.array(joints, dtype=int)
         self.position = compiled.jnt_qposadr[self.joints]
         self.velocity = compiled.jnt_dofadr[self.joints]
+        ends = {joint: row for row, (joint, _) in enumerate(compiled.actuator_trnid)}
+        self.actuators = np.array([ends[joint] for joint in joints], dtype=int)
 
 
 class MujocoEngine(Engine):
@@ -64,14 +66,12 @@ class MujocoEngine(Engine):
         self,
         physics: str,
         properties: PhysicsProperties,
-        motors: Motors | None = None,
+        motors: Motors | str | None = None,
     ) -> None:
         super().__init__(physics, properties, motors)
         self._models: dict[str, tuple[Model, Mapping[str, Mesh]]] = {}
         self._rest = RestDetector()
         self._is_compiled = False
-        self._targets: dict[str, tuple[np.ndarray, np.ndarray]] = {}
-        self._motors: dict[str, Motors] = {}
         self._forces: list[tuple[Model, str, np.ndarray]] = []
         self._joint_efforts: list[tuple[Model, int, float]] = []
 
@@ -93,30 +93,25 @@ class MujocoEngine(Engine):
         meshes, left_out = find_meshes(
             s for link in model.assembly.description.links for s in link.collisions
         )
-        file = self._file()
+        self._include(model, meshes)
+        if model.assembly.static and meshes:
+            left_out += ("meshes of static models are simulated as their hulls",)
+        return left_out + self._add_drives(model)
+
+    def _include(self, model: Model, meshes: Mapping[str, Mesh]) -> None:
+        """Include a model in the world, if MuJoCo accepts it."""
+        file = WorldFile()
         file.add(model, meshes)
         _compiled(file, model.assembly.description.name)
         model.hull_deviations.update(file.deviations)
         self._models[model.name] = model, meshes
-        self._hold(model)
         self._is_compiled = False
         self._rest.wake()
-        if model.assembly.static and meshes:
-            left_out += ("meshes of static models are simulated as their hulls",)
-        return left_out + self.unknown_limits(model)
-
-    def _hold(self, model: Model) -> None:
-        """Give its motors the commanded positions as targets."""
-        motors = self.motors_of(model)
-        if motors is not None:
-            self._motors[model.name] = motors
-        still = np.zeros(len(model.joint_names))
-        self._targets[model.name] = np.array(model.target), still
 
     def remove(self, name: str) -> None:
         """Remove a model."""
         self._models.pop(name, None)
-        self._targets.pop(name, None)
+        self._drives.pop(name, None)
         self._rest.wake()
         self._is_compiled = False
 
@@ -126,10 +121,7 @@ class MujocoEngine(Engine):
         Raises:
             DescriptionError: If MuJoCo refuses it; the old one stays.
         """
-        targets = self._targets.get(model.name)
-        self.add(model)
-        if targets is not None:
-            self._targets[model.name] = targets
+        self._include(model, self._models[model.name][1])
 
     def rebuild(self, models: Iterable[Model]) -> None:
         """Compile everything again, as the solver remembers its last solution."""
@@ -137,21 +129,17 @@ class MujocoEngine(Engine):
         for model in models:
             if model.name in known:
                 self._models[model.name] = model, known[model.name][1]
-                self._hold(model)
+                self._add_drives(model)
         self._forces.clear()
         self._joint_efforts.clear()
         self._rest = RestDetector()
         self._is_compiled = False
 
-    def _file(self) -> WorldFile:
-        """Begin a file of a world."""
-        return WorldFile(has_motors=self.physics == "hold")
-
     def _compile(self) -> None:
         """Compile the models, if they have changed, and write their states."""
         if self._is_compiled:
             return
-        file = self._file()
+        file = WorldFile()
         for model, meshes in self._models.values():
             file.add(model, meshes)
         self._model, self._data = _compiled(file, "the world")
@@ -166,7 +154,7 @@ class MujocoEngine(Engine):
         self._restitutions = np.array(file.restitutions)
         self._is_compiled = True
         self._write_properties()
-        self._write_motors()
+        self._write_drives()
         for model, _ in self._models.values():
             self._write(model)
             self.update_gravity(model)
@@ -174,29 +162,44 @@ class MujocoEngine(Engine):
                 self.update_joint(model, name)
         self._prepare_reading()
 
-    def _write_motors(self) -> None:
-        """Write gains and limits of motors by degree of freedom."""
-        count = self._model.nv
+    def _write_drives(self) -> None:
+        """Write the drives of all joints."""
+        model, count = self._model, self._model.nv
+        self._is_servo = np.zeros(count, dtype=bool)
         self._position_gains = np.zeros(count)
         self._velocity_gains = np.zeros(count)
         self._target_positions, self._target_velocities = np.zeros((2, count))
-        self._model.dof_solimp[:] = FRICTION_IMPEDANCE
-        if self.physics != "hold":
-            return
-        for name, rows in self._rows.items():
-            model = rows.model
-            drives = [self._motors[name].of(joint) for joint in model.joint_names]
-            self._position_gains[rows.velocity] = [d.position_gain for d in drives]
-            self._velocity_gains[rows.velocity] = [d.velocity_gain for d in drives]
-            limits = np.minimum(self.effort_limits(model), MAX_EFFORT)
-            self._model.dof_frictionloss[rows.velocity] = limits
-            self._write_targets(rows)
+        model.dof_solimp[:] = FRICTION_IMPEDANCE
+        for rows in self._rows.values():
+            drives = self._drives[rows.model.name]
+            self._position_gains[rows.velocity] = drives.position_gains
+            self._velocity_gains[rows.velocity] = drives.velocity_gains
+            model.dof_armature[rows.velocity] = drives.armature
+            limits = np.stack([-drives.limits, drives.limits], axis=1)
+            model.actuator_forcerange[rows.actuators] = limits
+            self._write_driven(rows)
+        mujoco.mj_setConst(model, self._data)
 
-    def _write_targets(self, rows: _Rows) -> None:
-        """Write the targets of a model's motors."""
-        positions, velocities = self._targets[rows.model.name]
-        self._target_positions[rows.velocity] = positions
-        self._target_velocities[rows.velocity] = velocities
+    def _write_driven(self, rows: _Rows) -> None:
+        """Write what drives the joints of a model now.
+
+        A servo is friction with a target, a spring and damper is an actuator.
+        """
+        drives, model, dofs = self._drives[rows.model.name], self._model, rows.velocity
+        is_servo = drives.is_servo
+        self._is_servo[dofs] = is_servo
+        self._target_positions[dofs] = drives.positions
+        self._target_velocities[dofs] = drives.velocities
+        friction = np.where(is_servo, drives.limits, drives.friction)
+        model.dof_frictionloss[dofs] = friction
+        model.dof_damping[dofs] = np.where(is_servo, 0.0, drives.joint_damping)
+        stiffness = np.where(is_servo, 0.0, drives.stiffness)
+        damping = np.where(is_servo, 0.0, drives.damping)
+        model.actuator_biasprm[rows.actuators, 1] = -stiffness
+        model.actuator_biasprm[rows.actuators, 2] = -damping
+        wanted = drives.feedforward + stiffness * drives.positions
+        wanted += damping * drives.velocities
+        self._data.ctrl[rows.actuators] = np.where(is_servo, 0.0, wanted)
 
     def set_properties(self, properties: PhysicsProperties) -> None:
         """Set the properties; MuJoCo uses some of them."""
@@ -257,30 +260,18 @@ class MujocoEngine(Engine):
         data.qpos[rows.position] = model.position
         data.qvel[rows.velocity] = model.velocity
 
-    def write_joints(self, model: Model, rows: Iterable[int]) -> None:
-        """Write some joints of a model, also as motor targets."""
-        own = np.array([*rows], dtype=int)
-        positions, velocities = self._targets[model.name]
-        positions[own], velocities[own] = model.target[own], 0.0
-        found = self._changed(model)
+    def _write_joints(self, model: Model, rows: Iterable[int]) -> None:
+        """Write some joints of a model."""
+        found, own = self._changed(model), np.array([*rows], dtype=int)
         if found is not None:
             self._data.qpos[found.position[own]] = model.position[own]
             self._data.qvel[found.velocity[own]] = model.velocity[own]
-            self._write_targets(found)
 
-    def follow(
-        self,
-        model: Model,
-        rows: np.ndarray,
-        positions: np.ndarray,
-        velocities: np.ndarray,
-    ) -> None:
-        """Set targets of motors."""
-        targets = self._targets[model.name]
-        targets[0][rows], targets[1][rows] = positions, velocities
+    def _update_drives(self, model: Model, rows: np.ndarray) -> None:
+        """Apply the drives of some joints."""
         found = self._changed(model)
         if found is not None:
-            self._write_targets(found)
+            self._write_driven(found)
 
     def _prepare_reading(self) -> None:
         """Prepare to read the models that can move."""
@@ -332,7 +323,7 @@ class MujocoEngine(Engine):
         self._apply_forces()
         mujoco.mj_step1(model, data)
         if self.physics == "hold":
-            self._drive()
+            self._drive_servos()
         self._slow_separation()
         mujoco.mj_step2(model, data)
         data.xfrc_applied[:] = 0.0
@@ -355,11 +346,11 @@ class MujocoEngine(Engine):
         self._forces.clear()
         self._joint_efforts.clear()
 
-    def _drive(self) -> None:
+    def _drive_servos(self) -> None:
         """Let friction of the joints, up to the motors' efforts, drive them.
 
         Friction is a constraint on the acceleration that stops a joint; here, on that
-        which brings it to the velocity of ``Motor``.
+        which brings it to the velocity of ``ServoMotor``.
         """
         data, step = self._data, self.properties.time_step
         rows = slice(data.ne, data.ne + data.nf)
@@ -370,7 +361,8 @@ class MujocoEngine(Engine):
         error = self._target_positions[dofs] - position
         change = self._velocity_gains[dofs] * lag
         change += self._position_gains[dofs] * error / step
-        data.efc_aref[rows] = change / step
+        is_servo = self._is_servo[dofs]
+        data.efc_aref[rows] = np.where(is_servo, change / step, data.efc_aref[rows])
 
     def _slow_separation(self) -> None:
         """Bound the speed at which contacts push overlapping links apart."""
@@ -396,27 +388,15 @@ class MujocoEngine(Engine):
 
     def efforts(self, model: Model) -> np.ndarray:
         """Read the efforts of motors in the last step."""
-        found = np.zeros(len(model.joint_names))
         rows = self._rows.get(model.name) if self._is_compiled else None
-        if self.physics == "hold" and rows is not None:
-            by_dof = np.zeros(self._model.nv)
-            data = self._data
-            drives = slice(data.ne, data.ne + data.nf)
-            by_dof[data.efc_id[drives]] = data.efc_force[drives]
-            found[:] = by_dof[rows.velocity]
-        return found
-
-    def effort_limits(self, model: Model) -> np.ndarray:
-        """Return the largest efforts of motors."""
-        motors = self._motors.get(model.name, Motors())
-        joints = model.assembly.description.movable_joints
-        limits = [
-            min(joint.effort or np.inf, motors.of(joint.name).effort)
-            for joint in joints
-        ]
-        found = np.array(limits, dtype=float)
-        found[found >= MAX_EFFORT] = np.inf
-        return found
+        if rows is None:
+            return np.zeros(len(model.joint_names))
+        data, by_dof = self._data, np.zeros(self._model.nv)
+        servos = slice(data.ne, data.ne + data.nf)
+        by_dof[data.efc_id[servos]] = data.efc_force[servos]
+        is_servo = self._drives[model.name].is_servo
+        springs = data.actuator_force[rows.actuators]
+        return np.where(is_servo, by_dof[rows.velocity], springs)
 
     def apply_wrench(self, model: Model, link: str, wrench: np.ndarray) -> None:
         """Apply a wrench to a link in the next step."""
@@ -434,9 +414,10 @@ class MujocoEngine(Engine):
         row, given = model.joint_row(name), model.ode_joints[name]
         if rows is None or row is None:
             return
-        joint, dof = rows.joints[row], rows.velocity[row]
-        if "damping" in given and self.physics == "limp":
-            self._model.dof_damping[dof] = given["damping"]
+        joint = rows.joints[row]
+        if "damping" in given:
+            self._drives[model.name].joint_damping[row] = given["damping"]
+            self._write_driven(rows)
         if "loStop" in given or "hiStop" in given:
             low, high = self._model.jnt_range[joint]
             self._model.jnt_range[joint] = (

@@ -18,7 +18,6 @@ from g1_description.robot.description import Description, Inertial, Joint, Link,
 from g1_description.robot.lumping import is_positive
 from g1_description.robot.rotation import axes_to_rpy, cross, from_rpy, multiply
 from g1_description.robot.transform import IDENTITY
-from g1_description.sim.engine import MAX_EFFORT
 from g1_description.sim.meshes.hulls import thinned_hulls
 from g1_description.sim.meshes.shapes import Mesh, is_there
 from g1_description.sim.model import Model
@@ -53,18 +52,11 @@ that bounce."""
 class WorldFile:
     """Writes the bodies of models, in the order in which MuJoCo numbers them."""
 
-    def __init__(self, has_motors: bool) -> None:
-        """Begin an empty world.
-
-        Args:
-            has_motors: Whether motors drive the joints; else they have the friction
-                and damping of their files.
-        """
-        self._has_motors = has_motors
+    def __init__(self) -> None:
         self._meshes: dict[tuple[str, tuple[float, ...], int], str] = {}
         self._assets: list[str] = []
         self._bodies: list[str] = []
-        self._excludes: list[str] = []
+        self._n_joints = 0
         self._groups: dict[tuple[str, str], int] = {}
         self.geoms: list[tuple[Model, str]] = []
         """The model and link of each geom."""
@@ -94,7 +86,9 @@ class WorldFile:
                 *self._bodies,
                 "</worldbody><contact>",
                 *self._pairs(),
-                "</contact></mujoco>",
+                "</contact><actuator>",
+                *(_actuator(f"j{number}") for number in range(self._n_joints)),
+                "</actuator></mujoco>",
             ]
         )
 
@@ -160,17 +154,15 @@ class WorldFile:
         return body(tree.root, None, np.zeros(3))
 
     def _joint(self, joint: Joint) -> str:
-        """Write a movable joint."""
+        """Write a movable joint; its drive is set after the compilation."""
         is_limited = joint.kind in ("revolute", "prismatic")
         kind = "slide" if joint.kind == "prismatic" else "hinge"
         bounds = np.clip([joint.lower, joint.upper], -MAX_VALUE, MAX_VALUE)
-        friction = MAX_EFFORT if self._has_motors else joint.friction
-        damping = 0.0 if self._has_motors else joint.damping
+        number, self._n_joints = self._n_joints, self._n_joints + 1
         return (
-            f'<joint type="{kind}" pos="{_row(joint.joint_origin)}" '
+            f'<joint name="j{number}" type="{kind}" pos="{_row(joint.joint_origin)}" '
             f'axis="{_row(joint.axis)}" range="{_row(bounds)}" '
-            f'limited="{str(is_limited).lower()}" damping="{damping!r}" '
-            f'frictionloss="{friction!r}"/>'
+            f'limited="{str(is_limited).lower()}"/>'
         )
 
     def _inertial(self, link: Link, origin: np.ndarray) -> str:
@@ -260,6 +252,14 @@ class WorldFile:
                 )
             names.append(self._meshes[key])
         return names
+
+
+def _actuator(joint: str) -> str:
+    """Write the actuator of a joint, whose gains are set after the compilation."""
+    return (
+        f'<general joint="{joint}" biastype="affine" forcelimited="true" '
+        'forcerange="-1 1"/>'
+    )
 
 
 def _thick(points: np.ndarray) -> np.ndarray:

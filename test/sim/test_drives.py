@@ -1,0 +1,201 @@
+"""Motors of kind pd, and a controller's commands, against mechanics."""
+
+import math
+
+import numpy as np
+import pytest
+from conftest import REPOSITORY
+from worlds import OUR_G1
+
+from g1_description.errors import InvalidValueError
+from g1_description.motion.motors import Motors, PdMotor, ServoMotor, read_motors
+from g1_description.sim.drives import PdCommand
+
+ARM = """<robot name="arm"><link name="world"/><link name="mount"><inertial>
+<mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+</link><link name="fore"><inertial><origin xyz="0.5 0 0"/><mass value="2"/>
+<inertia ixx="0.01" iyy="0.02" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="anchor" type="fixed"><parent link="world"/><child link="mount"/>
+<origin xyz="0 0 2"/></joint>
+<joint name="elbow" type="{kind}"><parent link="mount"/><child link="fore"/>
+<axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="30" velocity="50"/>
+<dynamics damping="{damping}" friction="{friction}"/></joint></robot>"""
+INERTIA = 0.02 + 2.0 * 0.5**2
+NOWHERE = (0.0, 0.0, 0.0)
+UP = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+FREE = {"kind": "revolute", "damping": 0.0, "friction": 0.0}
+
+
+def arm(make_world, motor, gravity=NOWHERE, physics="hold", **numbers):
+    """Give a world with an arm, and the arm."""
+    world = make_world(physics, gravity, motors=Motors({".*": motor}))
+    world.spawn_urdf("arm", ARM.format(**{**FREE, **numbers}), UP)
+    return world, world.model("arm")
+
+
+def command(position=0.0, velocity=0.0, stiffness=0.0, damping=0.0, effort=0.0):
+    """Give a command to one joint."""
+    numbers = position, velocity, stiffness, damping, effort
+    return PdCommand(*(np.array([number]) for number in numbers))
+
+
+@pytest.mark.parametrize("armature", [0.0, 0.4])
+def test_it_swings_as_a_spring_with_a_damper_and_a_rotor(make_world, armature):
+    """X'' = -(k x + d x') / (I + armature), in closed form."""
+    k, d = 60.0, 2.0
+    world, model = arm(make_world, PdMotor(200.0, k, d, armature))
+    world.set_joint_positions("arm", {"elbow": 0.5})
+    world.engine.follow(model, np.array([0]), np.zeros(1), np.zeros(1))
+    inertia = INERTIA + armature
+    decay, rate = d / (2.0 * inertia), math.sqrt(k / inertia - (d / (2 * inertia)) ** 2)
+    for _ in range(400):
+        world.step()
+        t = 1e-9 * world.time_ns
+        wave = math.cos(rate * t) + decay / rate * math.sin(rate * t)
+        wanted = 0.5 * math.exp(-decay * t) * wave
+        assert model.position[0] == pytest.approx(wanted, abs=0.006)
+        assert abs(world.engine.efforts(model)[0]) <= 30.0 + 1e-9
+
+
+def test_it_sags_by_its_load_over_its_stiffness(make_world):
+    world, model = arm(make_world, PdMotor(200.0, 90.0, 15.0), (0.0, 0.0, -9.8))
+    world.run(4.0)
+    sag = model.position[0]
+    assert 90.0 * sag == pytest.approx(2.0 * 9.8 * 0.5 * math.cos(sag), rel=1e-3)
+    assert world.engine.efforts(model)[0] == pytest.approx(-90.0 * sag, rel=1e-3)
+
+
+def test_the_lesser_limit_of_motor_and_robot_counts(make_world):
+    """Half a turn per second squared at the limit; 30 N m is that of the URDF."""
+    for motor, robot in ((5.0, 5.0), (200.0, 30.0)):
+        world, model = arm(make_world, PdMotor(motor, 1e5, 0.0))
+        world.engine.follow(model, np.array([0]), np.ones(1), np.zeros(1))
+        world.run(0.05)
+        assert world.engine.effort_limits(model)[0] == robot
+        assert world.engine.efforts(model)[0] == robot
+        assert model.velocity[0] == pytest.approx(0.05 * robot / INERTIA, rel=1e-3)
+        world.delete("arm")
+
+
+def test_the_joint_keeps_its_friction_and_damping(make_world):
+    """A constant effort against both: v = (effort - friction) / damping."""
+    world, model = arm(
+        make_world, PdMotor(), kind="continuous", friction=1.5, damping=2.0
+    )
+    world.drive(model, ["elbow"], command(effort=1.4))
+    world.run(0.2)
+    assert abs(model.velocity[0]) < 1e-3
+    world.drive(model, ["elbow"], command(effort=5.5))
+    world.run(3.0)
+    assert model.velocity[0] == pytest.approx((5.5 - 1.5) / 2.0, rel=0.01)
+
+
+@pytest.mark.parametrize("physics", ["hold", "limp"])
+def test_a_controller_drives_the_joint_until_it_gets_a_target(make_world, physics):
+    world, model = arm(make_world, ServoMotor(), physics=physics)
+    assert world.drive(model, ["elbow", "wing"], command_of_two()) == ["wing"]
+    world.run(0.1)
+    assert model.velocity[0] == pytest.approx(0.1 * 3.0 / INERTIA, rel=0.01)
+    world.drive(model, ["elbow"], command(0.8, 0.0, 60.0, 12.0))
+    world.run(3.0)
+    assert model.position[0] == pytest.approx(0.8, abs=1e-3)
+    world.drive(model, ["elbow"], command(0.8, 0.4, 0.0, 25.0))
+    world.run(1.0)
+    assert model.velocity[0] == pytest.approx(0.4, abs=0.01)
+    world.set_joint_positions("arm", {"elbow": -0.2})
+    world.run(0.2)
+    assert model.position[0] == pytest.approx(-0.2, abs=1e-6)
+    assert model.velocity[0] == pytest.approx(0.0, abs=1e-6)
+
+
+def command_of_two():
+    """Give a command with an effort of 3 N m to the first of two joints."""
+    zero = np.zeros(2)
+    return PdCommand(zero, zero, zero, zero, np.array([3.0, 7.0]))
+
+
+def test_in_kinematic_a_controller_is_refused(make_world):
+    world, model = arm(make_world, ServoMotor(), physics="kinematic")
+    with pytest.raises(InvalidValueError, match="nothing drives the joints in kinem"):
+        world.drive(model, ["elbow"], command(effort=1.0))
+
+
+def test_a_reset_gives_the_joints_back_to_their_motors(make_world):
+    world, model = arm(make_world, ServoMotor())
+    world.drive(model, ["elbow"], command(effort=5.0))
+    world.run(0.1)
+    world.reset()
+    world.run(0.1)
+    assert (model.position[0], model.velocity[0]) == pytest.approx((0.0, 0.0), abs=1e-9)
+
+
+def test_a_new_mass_leaves_the_drive_as_it_is(make_world):
+    world, model = arm(make_world, ServoMotor())
+    world.drive(model, ["elbow"], command(effort=1.0))
+    link = world.entities.link("arm::fore")
+    world.set_link_properties(link, link.link.inertial, True)
+    heavier = link.link.inertial.__class__(4.0, np.array([0.5, 0, 0]), 0.01 * np.eye(3))
+    world.set_link_properties(world.entities.link("arm::fore"), heavier, True)
+    world.run(0.1)
+    assert model.velocity[0] == pytest.approx(0.1 * 1.0 / (0.01 + 1.0), rel=0.01)
+
+
+MOTORS = {
+    "5020": ((0.139e-4, 0.017e-4, 0.169e-4), (1 + 46 / 18, 1 + 56 / 16)),
+    "7520-14": ((0.489e-4, 0.098e-4, 0.533e-4), (4.5, 1 + 48 / 22)),
+    "7520-22": ((0.489e-4, 0.109e-4, 0.738e-4), (4.5, 5.0)),
+    "4010": ((0.068e-4, 0.0, 0.0), (5.0, 5.0)),
+}
+"""Moments of inertia of the turning parts in [kg m^2], and ratios of the stages."""
+
+USED = {
+    ("hip_pitch", "hip_yaw", "waist_yaw"): ("7520-14", 1),
+    ("hip_roll", "knee"): ("7520-22", 1),
+    ("ankle_pitch", "ankle_roll", "waist_roll", "waist_pitch"): ("5020", 2),
+    ("shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow"): ("5020", 1),
+    ("wrist_roll",): ("5020", 1),
+    ("wrist_pitch", "wrist_yaw"): ("4010", 1),
+}
+"""Motor and how many of it, by joints."""
+
+
+def test_the_g1s_figures_follow_from_its_rotors_and_gears(make_world):
+    folder = REPOSITORY / "config" / "robots" / "g1_29dof"
+    motors, servos = (read_motors(folder / f"motors{n}.yaml") for n in ("_pd", ""))
+    world = make_world("hold", motors=motors)
+    world.spawn_urdf("g1", OUR_G1, UP, fixed_base=True)
+    natural = 2.0 * math.pi * 10.0
+    for name in world.model("g1").joint_names:
+        stem = name.replace("left_", "").replace("right_", "")[: -len("_joint")]
+        (used,) = [motor for joints, motor in USED.items() if stem in joints]
+        (i1, i2, i3), (first, second) = MOTORS[used[0]]
+        rotor = used[1] * (i1 * (first * second) ** 2 + i2 * second**2 + i3)
+        motor = motors.of(name)
+        assert motor.armature == pytest.approx(rotor, rel=1e-5), name
+        assert motor.stiffness == pytest.approx(rotor * natural**2, rel=1e-5)
+        assert motor.damping == pytest.approx(4.0 * rotor * natural, rel=1e-5)
+        assert motor.effort == servos.of(name).effort
+
+
+def test_the_hanging_g1_comes_to_rest_on_its_pd_motors(make_world):
+    """Plain torques of such gains let the wrists oscillate, without the rotors."""
+    world = make_world("hold", motors="pd")
+    pose = np.array([0.0, 0.0, 1.2, 0.0, 0.0, 0.0, 1.0])
+    assert world.spawn_urdf("g1", OUR_G1, pose, fixed_base=True) == ()
+    model = world.model("g1")
+    elbows = {"left_elbow_joint": 1.0, "right_elbow_joint": 1.0}
+    rows = np.array(model.joint_rows(elbows))
+    world.engine.follow(model, rows, np.ones(2), np.zeros(2))
+    world.run(3.0)
+    assert np.abs(model.velocity).max() < 0.01
+    assert np.abs(model.position[rows] - 1.0).max() < 0.15
+
+
+def test_a_model_without_such_motors_has_those_of_its_file(make_world):
+    world = make_world("hold", motors="pd")
+    (told,) = world.spawn_urdf("arm", ARM.format(**FREE), UP)
+    assert told == (
+        "A robot without profile has no motors 'pd'. Known motors: the usual ones"
+    )
+    world.run(0.1)
+    assert abs(world.model("arm").position[0]) < 1e-6
