@@ -83,7 +83,8 @@ def pytest_addoption(parser):
     parser.addoption("--engine", default="bullet", help="physics engine of the worlds")
 
 
-BOTH = ("test_contacts", "test_drives", "test_forces", "test_free_bodies", "test_rest")
+BOTH = ("test_contacts", "test_drives", "test_forces", "test_free_bodies")
+BOTH += ("test_gantry", "test_rest")
 """Modules whose worlds have each of the physics engines."""
 
 

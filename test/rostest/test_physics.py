@@ -8,11 +8,18 @@ from pathlib import Path
 import numpy as np
 import rospy
 import tf2_ros
-from g1_description.msg import RobotTrajectory, TrackingReport
-from g1_description.srv import GetAnchor, PlayMotion, SetAnchor, StepModel
+from g1_description.msg import MotorCommands, RobotTrajectory, TrackingReport
+from g1_description.srv import (
+    GetAnchor,
+    PlayMotion,
+    SetAnchor,
+    SetGantry,
+    StepModel,
+)
 from gazebo_msgs.msg import WorldState
 from gazebo_msgs.srv import GetModelState
 from geometry_msgs.msg import Pose, Quaternion
+from rosgraph_msgs.msg import Log
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
@@ -248,6 +255,32 @@ class TestPhysics(unittest.TestCase):
         np.testing.assert_allclose(
             shown.velocity, answer.joint_states.velocity, atol=1e-9
         )
+
+    def test_8_a_controller_lifts_an_arm_of_the_robot_on_the_gantry(self):
+        rospy.ServiceProxy("/gazebo/unpause_physics", Empty)()
+        gantry = rospy.ServiceProxy("/gazebo/set_gantry", SetGantry)
+        refused = gantry("g1_robot", "", True, 4.0)
+        self.assertEqual(refused.status_message, "length must be from 0 to 3 m (got 4)")
+        self.assertEqual(gantry("g1_robot", "", True, 1.7).length, 1.7)
+        wait_for(lambda: self.height() > 0.9, "the pelvis in the air")
+        commands = rospy.Publisher(
+            "/gazebo/motor_commands", MotorCommands, queue_size=10
+        )
+        self.addCleanup(commands.unregister)
+        wait_for(commands.get_num_connections, "the simulator to listen")
+        elbow = {"model_name": "g1_robot", "joint_names": [ELBOW]}
+        log = Connected("/rosout", Log)
+        self.addCleanup(log.close)
+        commands.publish(MotorCommands(**elbow, kp=[-1.0]))
+        log.wait(lambda m: "refused, kp must not be negative" in m.msg, "the refusal")
+        commands.publish(MotorCommands(**elbow, q=[1.0], kp=[60.0], kd=[4.0]))
+        self.states.clear()
+        self.states.wait(lambda m: abs(position_of(m, ELBOW) - 1.0) < 0.1, "the elbow")
+        commands.publish(MotorCommands(**elbow, tau=[-8.0], kd=[4.0]))
+        self.states.wait(lambda m: position_of(m, ELBOW) < 0.0, "the effort")
+        self.assertEqual(gantry("g1_robot", "", False, 0.0).length, 0.0)
+        wait_for(lambda: self.height() < 0.85, "the robot on its feet, or the floor")
+        rospy.ServiceProxy("/gazebo/reset_simulation", Empty)()
 
 
 def at_zero(trajectory):

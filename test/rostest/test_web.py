@@ -242,6 +242,11 @@ def test_the_simulator_pauses_steps_and_goes_on(address):
     # Not of /clock: its last messages may be under way.
     world = rospy.ServiceProxy("/gazebo/get_world_properties", GetWorldProperties)
     with PageClient(address) as client:
+        client.set("Gantry", True)
+        refusal = "nothing falls in kinematic physics"
+        client.wait_for(
+            lambda: any(refusal in str(e) for e in [*client.elements.values()]), refusal
+        )
         client.press("Pause")
         client.wait_for(lambda: client._labelled("Go on"), "a pause")
         before = world().sim_time

@@ -4,7 +4,8 @@ Publishes: /clock (rosgraph_msgs/Clock), ~link_states (gazebo_msgs/LinkStates),
     ~model_states (gazebo_msgs/ModelStates), ~world_state (gazebo_msgs/WorldState):
     at each step, while there are subscribers; ~tracking (g1_description/TrackingReport)
 Subscribes: ~set_model_state (gazebo_msgs/ModelState), ~set_link_state
-    (gazebo_msgs/LinkState), ~set_model_trajectory (g1_description/ModelTrajectory)
+    (gazebo_msgs/LinkState), ~set_model_trajectory (g1_description/ModelTrajectory),
+    ~motor_commands (g1_description/MotorCommands)
 Services: those in the folder services, and dynamic_reconfigure's
 Parameters: those of parameters.GazeboParameters
 """
@@ -31,7 +32,7 @@ from g1_description.gazebo.services import world as worlds
 from g1_description.gazebo.services.base import RefusalError, Simulation, make_callback
 from g1_description.gazebo.start import find_listeners, make_world, spawn_robot
 from g1_description.gazebo.topics import StateTopics, tracking_message
-from g1_description.msg import ModelTrajectory, TrackingReport
+from g1_description.msg import ModelTrajectory, MotorCommands, TrackingReport
 from g1_description.ros.gazebo_log import answer_as_roscpp, publish_log
 from g1_description.ros.lifecycle import quiet_when_closing, start_node
 from g1_description.ros.log import SHORT_PERIOD
@@ -182,6 +183,7 @@ class GazeboNode:
             ("~set_model_state", ModelState, models.put_model),
             ("~set_link_state", LinkState, links.put_link),
             ("~set_model_trajectory", ModelTrajectory, joints.play),
+            ("~motor_commands", MotorCommands, joints.drive),
         ):
             # No message may be lost: they may be of different models.
             rospy.Subscriber(

@@ -38,6 +38,7 @@ from g1_description.sim.entities import (
     place_link,
 )
 from g1_description.sim.forces import ForceSchedule
+from g1_description.sim.gantry import Gantries
 from g1_description.sim.model import Model, Report
 from g1_description.sim.motions import Motions
 
@@ -95,6 +96,8 @@ class World:
         """Links that keep their poses while joints move."""
         self.motions = Motions(self.engine, self.anchors)
         """Current and future motions."""
+        self.gantries = Gantries(self.engine)
+        """Ropes on which models hang; a reset leaves them."""
         content = content or read_sdf(EMPTY_WORLD)
         self.time_ns = round(content.time * 1e9)
         """Simulated time in [ns]."""
@@ -254,6 +257,7 @@ class World:
         self.forces.forget(model)
         self.motions.forget(model)
         self.anchors.forget(model)
+        self.gantries.forget(model)
         self.engine.remove(name)
         del self.models[name]
         self._forget_names()
@@ -264,6 +268,7 @@ class World:
         if self.is_dynamic:
             self.motions.step(time_ns)
             self.forces.apply(self.engine, time_ns)
+            self.gantries.apply()
             self.engine.step()
         with self.lock:
             self.time_ns = time_ns

@@ -3,7 +3,7 @@
 Calls, below the simulator's name: get_physics_properties
     (gazebo_msgs/GetPhysicsProperties), pause_physics, unpause_physics, reset_world
     (std_srvs/Empty), step (g1_description/Step), set_real_time_factor
-    (g1_description/SetRealTimeFactor)
+    (g1_description/SetRealTimeFactor), set_gantry (g1_description/SetGantry)
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from std_srvs.srv import Empty
 from g1_description.robot.launch_arguments import ENGINES
 from g1_description.ros.connection import Connection
 from g1_description.ros.master import SLAVE_API_ERRORS
-from g1_description.srv import SetRealTimeFactor, Step
+from g1_description.srv import SetGantry, SetRealTimeFactor, Step
 
 PERIOD = 1.0
 """Polling period, in [s]."""
@@ -124,6 +124,10 @@ class LiveSimulator:
     def reset(self) -> None:
         """Reset the world."""
         self._call("reset_world", Empty)
+
+    def hang(self, robot: str, is_on: bool, length: float) -> None:
+        """Hang a robot on a rope of a length in [m], or let it go."""
+        self._call("set_gantry", SetGantry, model_name=robot, on=is_on, length=length)
 
     def _call(self, service: str, kind: type, **fields) -> None:
         """Call a service.

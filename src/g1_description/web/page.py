@@ -97,8 +97,9 @@ class Page:
         self._lack = gui.add_markdown("", visible=False)
         self._simulator = None
         if self._world.simulator is not None:
+            robot, simulator = self._world.robots[0].name, self._world.simulator
             self._simulator = SimulatorPanel(
-                gui, self.ui, self._world.simulator, self._read_only
+                gui, self.ui, simulator, robot, self._read_only
             )
         library, folder = None, None
         if self._library is not None:

@@ -105,6 +105,9 @@ class Simulator(Protocol):
     def reset(self) -> None:
         """Reset the world."""
 
+    def hang(self, robot: str, is_on: bool, length: float) -> None:
+        """Hang a robot on a rope of a length in [m], or let it go."""
+
 
 class ShownWorld(Protocol):
     """The robots and the simulator of a page."""

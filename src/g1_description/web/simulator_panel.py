@@ -21,6 +21,9 @@ SPEEDS = {"0.1": 0.1, "0.25": 0.25, "0.5": 0.5, "1": 1.0, "2": 2.0, "no limit": 
 
 MAX_STEPS = 100_000
 
+ROPE = 2.0
+"""Length of the rope at first, in [m]: that of a standing G1 just does not pull."""
+
 SLICE = 100
 """Steps per request; other buttons wait for at most one request."""
 
@@ -29,7 +32,12 @@ class SimulatorPanel:
     """Pauses, steps and resets the simulator."""
 
     def __init__(
-        self, gui: GuiApi, ui: UiLoop, simulator: Simulator, read_only: bool
+        self,
+        gui: GuiApi,
+        ui: UiLoop,
+        simulator: Simulator,
+        robot: str,
+        read_only: bool,
     ) -> None:
         """Add the panel.
 
@@ -37,9 +45,10 @@ class SimulatorPanel:
             gui: Where to.
             ui: Does what a person wants.
             simulator: The simulator.
+            robot: The robot that hangs on the gantry.
             read_only: Whether to show its state only.
         """
-        self._simulator = simulator
+        self._simulator, self._robot = simulator, robot
         self._looked = 0.0
         self._left = 0
         """Steps still to be done; only the thread that waits sets it."""
@@ -57,6 +66,12 @@ class SimulatorPanel:
                 "Speed", [*SPEEDS], initial_value="1", hint="of simulated time"
             )
             reset = gui.add_button("Reset", hint="reset the world")
+            self._hangs = gui.add_checkbox(
+                "Gantry", False, hint="hang the first robot on a rope, in hold and limp"
+            )
+            self._rope = gui.add_slider(
+                "Rope", 0.5, 3.0, 0.05, ROPE, hint="its length in m, from 3 m above"
+            )
         self._ui = ui
         ui.on(self._pause, self._toggle)
         ui.on(step, lambda: ui.wait_for(self._step))
@@ -64,6 +79,8 @@ class SimulatorPanel:
             self._speed,
             lambda: ui.wait_for(lambda: simulator.set_speed(SPEEDS[self._speed.value])),
         )
+        for field in (self._hangs, self._rope):
+            ui.on(field, lambda: ui.wait_for(self._hang))
         ui.on(reset, lambda: ui.wait_for(lambda: self._end_steps(simulator.reset)))
 
     def _toggle(self) -> None:
@@ -71,6 +88,15 @@ class SimulatorPanel:
         is_pause = self._pause is not None and self._pause.label == "Pause"
         act = self._simulator.pause if is_pause else self._simulator.go_on
         self._ui.wait_for(lambda: self._end_steps(act))
+
+    def _hang(self) -> None:
+        """Hang the robot on its rope, or let it go."""
+        length = float(self._rope.value)
+        try:
+            self._simulator.hang(self._robot, bool(self._hangs.value), length)
+        except Exception:
+            self._hangs.value = False
+            raise
 
     def _end_steps(self, act: Callable[[], object]) -> None:
         """Do no more steps, but something else."""

@@ -28,12 +28,14 @@ from g1_description.gazebo.services.base import (
     time_span,
 )
 from g1_description.motion.motion import Motion
-from g1_description.msg import ModelTrajectory
+from g1_description.msg import ModelTrajectory, MotorCommands
 from g1_description.robot.assembly import SCOPE
 from g1_description.ros.conversions import stamp_from_ns
 from g1_description.ros.log import SHORT_PERIOD
+from g1_description.sim.drives import PdCommand
 from g1_description.sim.model import Model
 from g1_description.srv import SetModelTrajectory, SetModelTrajectoryResponse
+from g1_description.text import listed
 
 KINDS = {
     "revolute": GetJointPropertiesResponse.REVOLUTE,
@@ -183,6 +185,38 @@ def _play(simulation: Simulation, message: ModelTrajectory):
     response.start = stamp_from_ns(start)
     response.clamped, response.ignored = [*report.clamped], report.unknown
     return response
+
+
+def drive(simulation: Simulation, message: MotorCommands) -> None:
+    """Let a controller drive joints; log those that are unknown.
+
+    Raises:
+        G1DescriptionError: If it is refused; nothing is changed.
+    """
+    world, name = simulation.world, message.model_name
+    model = world.model(name)
+    names = message.joint_names
+    lists = {field: getattr(message, field) for field in ("q", "dq", "kp", "kd", "tau")}
+    for field, numbers in lists.items():
+        if numbers and len(numbers) != len(names):
+            raise InvalidValueError(
+                f"{field} must have a number for each of the {len(names)} joints (got "
+                f"{len(numbers)})"
+            )
+    arrays = {
+        field: checked(field, numbers or np.zeros(len(names)))
+        for field, numbers in lists.items()
+    }
+    for field in ("kp", "kd"):
+        if (arrays[field] < 0.0).any():
+            raise InvalidValueError(
+                f"{field} must not be negative (got {lists[field]})"
+            )
+    unknown = world.drive(model, names, PdCommand(*arrays.values()))
+    if unknown:
+        key = f"{name} motor_commands"
+        text = f"{name}: ignored, no movable joint of {name}: {listed(unknown)}"
+        simulation.log.warn(key, text, SHORT_PERIOD)
 
 
 def _jump(model: Model, trajectory: Motion) -> str:

@@ -24,6 +24,7 @@ from g1_description.errors import G1DescriptionError, UnknownNameError
 from g1_description.gazebo.services.base import (
     RefusalError,
     Simulation,
+    checked,
     checked_pose,
     checked_twist,
     found,
@@ -40,6 +41,8 @@ from g1_description.srv import (
     GetAnchorResponse,
     SetAnchor,
     SetAnchorResponse,
+    SetGantry,
+    SetGantryResponse,
 )
 
 
@@ -181,6 +184,21 @@ def set_anchor(simulation: Simulation, request):
     return SetAnchorResponse(success=True, previous=previous)
 
 
+def set_gantry(simulation: Simulation, request):
+    """Hang a model on a rope, or let it go. Not in Gazebo."""
+    gantries, length = simulation.world.gantries, 0.0
+    try:
+        model = simulation.world.model(request.model_name)
+        if request.on:
+            (wanted,) = checked("length", [request.length])
+            length = gantries.hang(model, request.link_name, float(wanted))
+        else:
+            gantries.forget(model)
+    except G1DescriptionError as error:
+        raise RefusalError(str(error)) from error
+    return SetGantryResponse(success=True, length=length)
+
+
 SERVICES = (
     ("delete_model", DeleteModel, delete_model),
     ("get_model_properties", GetModelProperties, get_properties),
@@ -189,5 +207,6 @@ SERVICES = (
     ("set_model_state", SetModelState, set_state),
     ("get_anchor", GetAnchor, get_anchor),
     ("set_anchor", SetAnchor, set_anchor),
+    ("set_gantry", SetGantry, set_gantry),
 )
 """Name under the node, type, and the function that answers."""
