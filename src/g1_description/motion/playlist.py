@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from g1_description.motion.motion import SNAP, Motion, sample
+from g1_description.motion.motion import SNAP, Motion, Sample, sample
 from g1_description.motion.tolerances import Tolerances, worst_violation
 
 
@@ -31,6 +31,11 @@ class Setpoint(NamedTuple):
     base_twist: np.ndarray | None = None
     """Velocity of the root link's origin and its angular velocity, along the map's
     axes, shape (6,); None with the pose."""
+
+
+AHEAD = 64
+"""Configurations that are interpolated together, where times have a common step: numpy
+takes hardly longer for them than for one."""
 
 
 class Playback:
@@ -57,6 +62,9 @@ class Playback:
         self.is_single = len(trajectory.times) == 1
         """Whether it is a single configuration."""
         self._trajectory = trajectory
+        self._asked_ns = self._step_ns = 0
+        self._ahead: tuple[int, Sample] | None = None
+        """Time in [ns] of the first of several configurations, and them."""
         self._n_reached = 0
         self._columns = columns
         self.rows = rows
@@ -106,7 +114,7 @@ class Playback:
                 old.base_poses[0] if present.base_pose is None else present.base_pose
             )
             added["base_poses"] = np.vstack([first, old.base_poses])
-        self._trajectory = replace(old, **added)
+        self._trajectory, self._ahead = replace(old, **added), None
 
     def reaches_sample(self, time_ns: int) -> bool:
         """Return whether there is a sample since the time of the last call."""
@@ -121,12 +129,27 @@ class Playback:
 
     def setpoint(self, time_ns: int) -> Setpoint:
         """Sample it at a time in [ns]."""
-        found = sample(self._trajectory, self._elapsed(time_ns))
-        positions, velocities = found.positions, found.velocities
-        joints = positions[self._columns], velocities[self._columns]
-        if not self.moves_base:
+        found, at = self._sampled(time_ns)
+        columns = self._columns
+        joints = found.positions[at][columns], found.velocities[at][columns]
+        if not self.moves_base or found.base_poses is None:
             return Setpoint(self.rows, *joints)
-        return Setpoint(self.rows, *joints, found.base_poses, found.base_twists)
+        assert found.base_twists is not None, "a base has a twist"
+        return Setpoint(self.rows, *joints, found.base_poses[at], found.base_twists[at])
+
+    def _sampled(self, time_ns: int) -> tuple[Sample, int]:
+        """Sample it; return configurations, and the index of that at the time."""
+        step, self._asked_ns = time_ns - self._asked_ns, time_ns
+        is_steady, self._step_ns = step == self._step_ns > 0, step
+        if is_steady and self._ahead is not None:
+            index, rest = divmod(time_ns - self._ahead[0], step)
+            if not rest and 0 <= index < AHEAD:
+                return self._ahead[1], index
+        count = AHEAD if is_steady else 1
+        times = [self._elapsed(time_ns + n * step) for n in range(count)]
+        found = sample(self._trajectory, np.array(times))
+        self._ahead = (time_ns, found) if is_steady else None
+        return found, 0
 
     def _elapsed(self, time_ns: int) -> float:
         """Compute the time since the beginning, in [s]."""

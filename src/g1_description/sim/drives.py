@@ -82,8 +82,14 @@ class Drives:
             self._own_damping.copy(),
         )
         self.feedforward = np.zeros(len(joints))
+        self._driven = np.zeros(len(joints), dtype=bool)
         self.positions = np.array(model.target, dtype=float)
         self.velocities = np.zeros(len(joints))
+
+    @property
+    def is_driven(self) -> bool:
+        """Whether a controller drives any joint."""
+        return bool(self._driven.any())
 
     def follow(
         self, rows: np.ndarray, positions: np.ndarray, velocities: np.ndarray
@@ -96,17 +102,20 @@ class Drives:
             velocities: In [rad/s] or [m/s], shape (n,).
         """
         self.positions[rows], self.velocities[rows] = positions, velocities
+        if not self.is_driven:
+            return
         self.is_servo[rows] = self._has_servo[rows]
         self.stiffness[rows] = self._own_stiffness[rows]
         self.damping[rows] = self._own_damping[rows]
         self.feedforward[rows] = 0.0
+        self._driven[rows] = False
 
     def obey(self, rows: np.ndarray, command: PdCommand) -> None:
         """Let joints, given by their rows, do as a controller says."""
         self.positions[rows], self.velocities[rows] = command[:2]
         self.stiffness[rows], self.damping[rows] = command[2:4]
         self.feedforward[rows] = command.efforts
-        self.is_servo[rows] = False
+        self.is_servo[rows], self._driven[rows] = False, True
 
     def efforts(self, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
         """Compute the efforts of springs and dampers, 0 of servos.

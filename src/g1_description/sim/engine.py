@@ -262,9 +262,13 @@ class Engine(ABC):
             positions: Target positions in [rad] or [m], shape (n,).
             velocities: Target velocities in [rad/s] or [m/s], shape (n,).
         """
-        if model.name in self._drives:
-            self._drives[model.name].follow(rows, positions, velocities)
-            self._update_drives(model, rows)
+        drives = self._drives.get(model.name)
+        if drives is None:
+            return
+        is_driven = drives.is_driven
+        drives.follow(rows, positions, velocities)
+        update = self._update_drives if is_driven else self._update_targets
+        update(model, rows)
 
     def drive(self, model: Model, rows: np.ndarray, command: PdCommand) -> None:
         """Let a controller drive movable joints, until they get targets again.
@@ -281,6 +285,10 @@ class Engine(ABC):
     @abstractmethod
     def _update_drives(self, model: Model, rows: np.ndarray) -> None:
         """Apply the drives of some movable joints from the next step on."""
+
+    def _update_targets(self, model: Model, rows: np.ndarray) -> None:
+        """Apply the targets of joints that their own motors drive, as before."""
+        self._update_drives(model, rows)
 
     @abstractmethod
     def efforts(self, model: Model) -> np.ndarray:

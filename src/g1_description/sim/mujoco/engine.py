@@ -11,7 +11,7 @@ import numpy as np
 from g1_description.errors import DescriptionError, cause
 from g1_description.motion.motors import Motors
 from g1_description.robot.assembly import SCOPE
-from g1_description.robot.rotation import conjugate, cross, rotate
+from g1_description.robot.rotation import conjugate, cross, rotate, to_axes
 from g1_description.sim.engine import Engine, PhysicsProperties
 from g1_description.sim.meshes.shapes import Mesh, find_meshes
 from g1_description.sim.model import Model, States
@@ -166,14 +166,13 @@ class MujocoEngine(Engine):
         """Write the drives of all joints."""
         model, count = self._model, self._model.nv
         self._is_servo = np.zeros(count, dtype=bool)
-        self._position_gains = np.zeros(count)
-        self._velocity_gains = np.zeros(count)
-        self._target_positions, self._target_velocities = np.zeros((2, count))
+        # Gains, and targets of positions and velocities, by degree of freedom.
+        self._gains, self._targets = np.zeros((2, 2, count))
         model.dof_solimp[:] = FRICTION_IMPEDANCE
         for rows in self._rows.values():
             drives = self._drives[rows.model.name]
-            self._position_gains[rows.velocity] = drives.position_gains
-            self._velocity_gains[rows.velocity] = drives.velocity_gains
+            self._gains[0, rows.velocity] = drives.position_gains
+            self._gains[1, rows.velocity] = drives.velocity_gains
             model.dof_armature[rows.velocity] = drives.armature
             limits = np.stack([-drives.limits, drives.limits], axis=1)
             model.actuator_forcerange[rows.actuators] = limits
@@ -188,8 +187,6 @@ class MujocoEngine(Engine):
         drives, model, dofs = self._drives[rows.model.name], self._model, rows.velocity
         is_servo = drives.is_servo
         self._is_servo[dofs] = is_servo
-        self._target_positions[dofs] = drives.positions
-        self._target_velocities[dofs] = drives.velocities
         friction = np.where(is_servo, drives.limits, drives.friction)
         model.dof_frictionloss[dofs] = friction
         model.dof_damping[dofs] = np.where(is_servo, 0.0, drives.joint_damping)
@@ -197,9 +194,23 @@ class MujocoEngine(Engine):
         damping = np.where(is_servo, 0.0, drives.damping)
         model.actuator_biasprm[rows.actuators, 1] = -stiffness
         model.actuator_biasprm[rows.actuators, 2] = -damping
-        wanted = drives.feedforward + stiffness * drives.positions
-        wanted += damping * drives.velocities
-        self._data.ctrl[rows.actuators] = np.where(is_servo, 0.0, wanted)
+        # MuJoCo has a constraint for each degree of freedom with friction.
+        with_friction = np.flatnonzero(model.dof_frictionloss > 0.0)
+        self._servos = np.flatnonzero(self._is_servo[with_friction])
+        self._servo_dofs = with_friction[self._servos]
+        self._servo_places = model.jnt_qposadr[model.dof_jntid[self._servo_dofs]]
+        self._servo_gains = self._gains[:, self._servo_dofs]
+        self._write_targets(rows)
+
+    def _write_targets(self, rows: _Rows) -> None:
+        """Write the targets of a model's joints."""
+        drives = self._drives[rows.model.name]
+        self._targets[:, rows.velocity] = drives.positions, drives.velocities
+        if drives.is_servo.all():
+            return
+        wanted = drives.feedforward + drives.stiffness * drives.positions
+        wanted += drives.damping * drives.velocities
+        self._data.ctrl[rows.actuators] = np.where(drives.is_servo, 0.0, wanted)
 
     def set_properties(self, properties: PhysicsProperties) -> None:
         """Set the properties; MuJoCo uses some of them."""
@@ -221,6 +232,8 @@ class MujocoEngine(Engine):
         # An error decays within the time in which erp corrects it.
         decay = step / min(max(properties.erp, 0.01), 0.5)
         self._model.geom_solref[:] = decay, 1.0
+        # Where a damped contact pushes with the largest speed.
+        self._slow_depth = 2.0 * MAX_DEPENETRATION_SPEED * decay * IMPEDANCE[0]
         ratios = damping_ratios(self._restitutions)
         self._model.pair_solref[:] = np.stack([decay / ratios, ratios], axis=1)
         self._model.pair_solimp[:] = IMPEDANCE
@@ -273,6 +286,12 @@ class MujocoEngine(Engine):
         if found is not None:
             self._write_driven(found)
 
+    def _update_targets(self, model: Model, rows: np.ndarray) -> None:
+        """Apply the targets of some joints."""
+        found = self._changed(model)
+        if found is not None:
+            self._write_targets(found)
+
     def _prepare_reading(self) -> None:
         """Prepare to read the models that can move."""
         moving = [
@@ -296,19 +315,27 @@ class MujocoEngine(Engine):
         positions = np.concatenate([no_rows, *(rows.position for rows in moving)])
         velocities = np.concatenate([no_rows, *(rows.velocity for rows in moving)])
 
+        # In the order of our poses: quaternions of MuJoCo begin with w.
+        places = places[:, [0, 1, 2, 4, 5, 6, 3]]
+
         def read() -> tuple[States, States]:
             qpos, qvel = self._data.qpos, self._data.qvel
-            roots = np.concatenate([model.root_poses for model in models])
-            twists = np.zeros((len(roots), 6))
+            poses, twists = qpos[places], qvel[speeds]
             if free:
-                poses = qpos[places][:, [0, 1, 2, 4, 5, 6, 3]]
-                found = qvel[speeds]
-                found[:, 3:] = rotate(poses[:, 3:], found[:, 3:])
-                lever = rotate(poses[:, 3:], centers)
+                # Rotated together: each call of numpy costs more than one rotation.
+                pair = np.stack([twists[:, 3:], centers], axis=-1)
+                turned = to_axes(poses[:, 3:]) @ pair
+                angular, lever = turned[..., 0], turned[..., 1]
                 poses[:, :3] -= lever
-                found[:, :3] -= cross(found[:, 3:], lever)
-                roots[free], twists[free] = poses, found
-            return (roots, twists), (qpos[positions], qvel[velocities])
+                twists[:, :3] -= cross(angular, lever)
+                twists[:, 3:] = angular
+            joints = qpos[positions], qvel[velocities]
+            if len(free) == len(trees):
+                return (poses, twists), joints
+            roots = np.concatenate([model.root_poses for model in models])
+            root_twists = np.zeros((len(roots), 6))
+            roots[free], root_twists[free] = poses, twists
+            return (roots, root_twists), joints
 
         self._moving = MovingModels(models, read)
 
@@ -353,21 +380,18 @@ class MujocoEngine(Engine):
         which brings it to the velocity of ``ServoMotor``.
         """
         data, step = self._data, self.properties.time_step
-        rows = slice(data.ne, data.ne + data.nf)
-        dofs = data.efc_id[rows]
-        joints = self._model.dof_jntid[dofs]
-        position = data.qpos[self._model.jnt_qposadr[joints]]
-        lag = self._target_velocities[dofs] - data.qvel[dofs]
-        error = self._target_positions[dofs] - position
-        change = self._velocity_gains[dofs] * lag
-        change += self._position_gains[dofs] * error / step
-        is_servo = self._is_servo[dofs]
-        data.efc_aref[rows] = np.where(is_servo, change / step, data.efc_aref[rows])
+        dofs = self._servo_dofs
+        state = data.qpos[self._servo_places], data.qvel[dofs]
+        of_position, of_velocity = self._servo_gains * (self._targets[:, dofs] - state)
+        change = of_position / step + of_velocity
+        data.efc_aref[data.ne + self._servos] = change / step
 
     def _slow_separation(self) -> None:
         """Bound the speed at which contacts push overlapping links apart."""
         data = self._data
         rows = slice(data.ne + data.nf + data.nl, data.nefc)
+        if not (data.efc_pos[rows] < -self._slow_depth).any():
+            return
         stiffness, damping, impedance, _ = data.efc_KBIP[rows].T
         depth = data.efc_margin[rows] - data.efc_pos[rows]
         excess = stiffness * impedance * depth - damping * MAX_DEPENETRATION_SPEED
