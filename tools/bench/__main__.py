@@ -43,6 +43,7 @@ from .graph import (
     wait_for,
 )
 from .peer import Peer
+from .physics import physics
 from processes import marked_processes
 from tcpros import ANSWER, Service, body_of, packed, received
 
@@ -724,7 +725,7 @@ def is_open(port):
 
 PARTS = {
     part.__name__: part
-    for part in (start, display, latency, bridge, foot, checks, folder, page)
+    for part in (start, display, latency, bridge, foot, physics, checks, folder, page)
 }
 
 

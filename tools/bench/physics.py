@@ -1,0 +1,112 @@
+"""The physics engines: their steps alone, in a node, and in checks of motions."""
+
+from __future__ import annotations
+
+import time
+from contextlib import closing
+from itertools import product
+
+import numpy as np
+from rosgraph_msgs.msg import Clock
+
+from g1_description.robot.launch_arguments import ENGINES
+from g1_description.robot.lumping import lump_fixed_joints
+from g1_description.sim.rollout import Conditions, rollout
+from g1_description.sim.world import World
+
+from .graph import Graph
+from .peer import Peer
+from tcpros import Service
+
+STANDING = np.array([0.0, 0.0, 0.793, 0.0, 0.0, 0.0, 1.0])
+SWUNG = ("left_shoulder_pitch_joint", "right_knee_joint")
+CASES = {
+    "lying, limp": ("limp", False, False),
+    "standing, hold": ("hold", False, False),
+    "hanging and moved, hold": ("hold", True, True),
+}
+"""Physics, whether the base is fixed, and whether two joints swing."""
+
+
+def physics(bench):
+    """Steps of 1 ms with each engine, of the robot alone in its world.
+
+    Each figure of a step is the median of ten runs of 100 steps, the engines in turns;
+    without ROS, of one thread. How fast time passes is that of a node without a limit
+    of speed, at the default rate of states and with one state per step, while a program
+    listens to /clock. A check of physics simulates the package's squat.
+    """
+    steps = bench.length(100, 20)
+    for name, case in CASES.items():
+        with bench.attempt(name):
+            worlds = [_settled(bench, engine, *case) for engine in ENGINES]
+            times = {engine: [] for engine in ENGINES}
+            for _, (engine, advance) in product(range(10), zip(ENGINES, worlds)):
+                begin = time.process_time()
+                advance(steps)
+                times[engine].append((time.process_time() - begin) / steps)
+            for engine, found in times.items():
+                bench.add(f"{name}, {engine}", 1e3 * np.median(found), "ms per step")
+    for engine in ENGINES:
+        with bench.attempt(f"check --physics with {engine}"):
+            _check(bench, engine)
+    for engine, rate in product(ENGINES, (200, 1000)):
+        with bench.attempt(f"a node with {engine}, lying, rate:={rate}"):
+            _in_a_node(bench, engine, rate)
+
+
+def _settled(bench, engine, physics, fixed, moved):
+    """Let the robot come to where its steps are measured; return what steps on."""
+    begin = time.process_time()
+    world = World(physics, engine=engine)
+    assembly = lump_fixed_joints(bench.robot.description)
+    pose = STANDING.copy()
+    pose[2] += 0.5 * fixed
+    world.spawn("g1", assembly, pose, fixed)
+    world.step()
+    if not (fixed or physics == "limp"):
+        bench.add(f"world and first step, {engine}", time.process_time() - begin, "s")
+    model = world.model("g1")
+    rows = np.array(model.joint_rows(SWUNG))
+
+    def advance(steps):
+        for _ in range(steps):
+            if moved:
+                turn = 0.3 * np.sin(3e-9 * world.time_ns)
+                world.engine.follow(model, rows, np.full(2, turn), np.zeros(2))
+            world.step()
+            # Else it sleeps.
+            world.engine.write_joints(model, ())
+
+    advance(bench.length(4000, 1500))
+    return advance
+
+
+def _check(bench, engine):
+    """Simulate a motion without ROS."""
+    motion = bench.robot.read_motion("squat.csv")
+    begin = time.process_time()
+    played = rollout(bench.robot.description, motion, Conditions(engine=engine))
+    factor = (time.process_time() - begin) / (played.times[-1] - played.times[0])
+    bench.add(f"check --physics, {engine}", factor, "s per second of motion")
+
+
+def _in_a_node(bench, engine, rate):
+    """Measure how fast time passes while the robot lies, and the node's memory."""
+    words = ("physics:=limp", f"engine:={engine}", f"rate:={rate}")
+    with Graph() as graph, closing(Peer()) as peer:
+        graph.launch(bench.model, *words)
+        node, came = graph.node("/gazebo"), []
+        peer.subscribe("/clock", Clock, lambda now, body: came.append((now, body)))
+        peer.wait(lambda: came, "/clock")
+        with closing(Service("/gazebo/set_real_time_factor")) as service:
+            service(0.0)
+        peer.serve(time.monotonic() + bench.length(5.0, 2.0))
+        came.clear()
+        peer.serve(time.monotonic() + bench.length(10.0, 2.0))
+        (first, begin), (last, end) = came[0], came[-1]
+        times = [Clock().deserialize(body).clock.to_sec() for body in (begin, end)]
+        factor = (times[1] - times[0]) / (last - first)
+        bench.add(f"lying, {engine}, rate:={rate}", factor, "x real time")
+        memory = node.memory("VmHWM")
+        bench.add(f"memory, {engine}, rate:={rate}", memory, "MB")
