@@ -159,6 +159,14 @@ def test_in_kinematic_a_robot_may_have_more_links_than_pybullet(make_world):
     world.delete("tower")
 
 
+def test_mujoco_takes_a_chain_longer_than_that_and_refuses_one_of_999(make_world):
+    world = make_world("hold", engine="mujoco")
+    assert world.spawn_urdf("tower", chain(MAX_JOINTS + 2, True), HIGH) == ()
+    with pytest.raises(DescriptionError, match="MuJoCo cannot load tower"):
+        world.spawn_urdf("higher", chain(999, True), HIGH)
+    world.step()
+
+
 def test_more_links_than_pybullet_has_room_for_are_refused(make_world):
     world = make_world("hold", engine="bullet")
     assert world.spawn_urdf("fits", chain(MAX_JOINTS + 1, True), HIGH) == ()

@@ -114,6 +114,14 @@ def command_of_two():
     return PdCommand(zero, zero, zero, zero, np.array([3.0, 7.0]))
 
 
+def test_a_joint_whose_limits_are_equal_stays_there(make_world):
+    world = make_world("limp")
+    text = ARM.format(**FREE).replace('lower="-3" upper="3"', 'lower="0" upper="0"')
+    assert world.spawn_urdf("arm", text, UP) == ()
+    world.run(1.0)
+    assert abs(world.model("arm").position[0]) < 2e-3
+
+
 def test_in_kinematic_a_controller_is_refused(make_world):
     world, model = arm(make_world, ServoMotor(), physics="kinematic")
     with pytest.raises(InvalidValueError, match="nothing drives the joints in kinem"):

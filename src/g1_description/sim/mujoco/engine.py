@@ -525,6 +525,8 @@ def _compiled(file: WorldFile, name: str) -> tuple[Any, Any]:
     except ValueError as error:
         raise DescriptionError(f"MuJoCo cannot load {name}: {cause(error)}.") from error
     model.body_inertia[1:] = np.array(file.inertias).reshape(-1, 3)
+    # As numbered in the file: free joints have no actuator.
+    model.jnt_range[model.actuator_trnid[:, 0]] = np.reshape(file.ranges, (-1, 2))
     data = mujoco.MjData(model)
     mujoco.mj_setConst(model, data)
     return model, data

@@ -71,6 +71,8 @@ class WorldFile:
         and link: their centers of mass, which move straight however fast they spin."""
         self.inertias: list[np.ndarray] = []
         """Principal moments of each body but the world, shape (3,)."""
+        self.ranges: list[np.ndarray] = []
+        """Limits of each movable joint in [rad] or [m], shape (2,): may be equal."""
         self.deviations: dict[str, float] = {}
         """Largest deviation of a simplified hull in [m], by mesh."""
 
@@ -125,10 +127,18 @@ class WorldFile:
         """Write a tree."""
         links = {link.name: link for link in tree.links}
         below: dict[str, list[Joint]] = {}
-        for joint in tree.joints:
-            below.setdefault(joint.parent, []).append(joint)
+        for each in tree.joints:
+            below.setdefault(each.parent, []).append(each)
 
-        def body(name: str, joint: Joint | None, above: np.ndarray) -> Iterator[str]:
+        # A stack, as a chain may be longer than Python's calls.
+        waiting: list[tuple[str, Joint | None, np.ndarray] | None]
+        waiting = [(tree.root, None, np.zeros(3))]
+        while waiting:
+            found = waiting.pop()
+            if found is None:
+                yield "</body>"
+                continue
+            name, joint, above = found
             pose = IDENTITY if joint is None else joint.pose
             mocap = ' mocap="true"' if joint is None and fixed else ""
             place = _row(pose[:3] - above)
@@ -147,21 +157,19 @@ class WorldFile:
             for shape in links[name].collisions:
                 if is_there(shape, meshes):
                     yield from self._geoms(model, links[name], shape, meshes, origin)
-            for next_joint in below.get(name, ()):
-                yield from body(next_joint.child, next_joint, origin)
-            yield "</body>"
-
-        return body(tree.root, None, np.zeros(3))
+            waiting.append(None)
+            waiting += [(e.child, e, origin) for e in reversed(below.get(name, []))]
 
     def _joint(self, joint: Joint) -> str:
-        """Write a movable joint; its drive is set after the compilation."""
+        """Write a movable joint; its limits and drive are set after the compilation."""
         is_limited = joint.kind in ("revolute", "prismatic")
         kind = "slide" if joint.kind == "prismatic" else "hinge"
         bounds = np.clip([joint.lower, joint.upper], -MAX_VALUE, MAX_VALUE)
+        self.ranges.append(bounds if is_limited else np.zeros(2))
         number, self._n_joints = self._n_joints, self._n_joints + 1
         return (
             f'<joint name="j{number}" type="{kind}" pos="{_row(joint.joint_origin)}" '
-            f'axis="{_row(joint.axis)}" range="{_row(bounds)}" '
+            f'axis="{_row(joint.axis)}" range="-1 1" '
             f'limited="{str(is_limited).lower()}"/>'
         )
 
