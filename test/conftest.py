@@ -84,7 +84,7 @@ def pytest_addoption(parser):
 
 
 BOTH = ("test_contacts", "test_drives", "test_forces", "test_free_bodies")
-BOTH += ("test_gantry", "test_rest")
+BOTH += ("test_gantry", "test_hulls", "test_rest")
 """Modules whose worlds have each of the physics engines."""
 
 

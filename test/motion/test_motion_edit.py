@@ -262,6 +262,9 @@ def test_what_cannot_be_joined_is_told():
         joined([whole, replace(whole, base_poses=None)])
     with pytest.raises(InvalidValueError, match="blend must be from 0 to"):
         joined([whole, whole], blend=100.0)
+    later = replace(whole, times=whole.times + 50.0)
+    with pytest.raises(InvalidValueError, match="blend must be from 0 to"):
+        joined([later, later], blend=30.0)
 
 
 def test_joints_are_left_out_and_added_by_name():
