@@ -189,7 +189,7 @@ def set_gantry(simulation: Simulation, request):
     gantries, length = simulation.world.gantries, 0.0
     try:
         model = simulation.world.model(request.model_name)
-        if request.on:
+        if request.enable:
             (wanted,) = checked("length", [request.length])
             length = gantries.hang(model, request.link_name, float(wanted))
         else:
