@@ -8,7 +8,12 @@ from pathlib import Path
 import numpy as np
 import rospy
 import tf2_ros
-from g1_description.msg import MotorCommands, RobotTrajectory, TrackingReport
+from g1_description.msg import (
+    MotorCommands,
+    MotorStates,
+    RobotTrajectory,
+    TrackingReport,
+)
 from g1_description.srv import (
     GetAnchor,
     PlayMotion,
@@ -276,6 +281,18 @@ class TestPhysics(unittest.TestCase):
         commands.publish(MotorCommands(**elbow, q=[1.0], kp=[60.0], kd=[4.0]))
         self.states.clear()
         self.states.wait(lambda m: abs(position_of(m, ELBOW) - 1.0) < 0.1, "the elbow")
+        motors = Connected("/gazebo/motor_states", MotorStates)
+        self.addCleanup(motors.close)
+
+        def holds(m):
+            """Tell whether the elbow's effort is that of the command."""
+            row = m.joint_names.index(ELBOW)
+            effort = 60.0 * (1.0 - m.q[row]) - 4.0 * m.dq[row]
+            return m.model_name == "g1_robot" and abs(m.tau[row] - effort) < 0.3
+
+        state = motors.wait(holds, "the effort of a spring")
+        self.assertEqual(len(state.tau), 29)
+        self.assertNotEqual(state.header.stamp.to_nsec(), 0)
         commands.publish(MotorCommands(**elbow, tau=[-8.0], kd=[4.0]))
         self.states.wait(lambda m: position_of(m, ELBOW) < 0.0, "the effort")
         self.assertEqual(gantry("g1_robot", "", False, 0.0).length, 0.0)

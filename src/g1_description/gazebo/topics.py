@@ -11,10 +11,11 @@ from gazebo_msgs.msg import LinkStates, ModelStates, WorldState
 from rosgraph_msgs.msg import Clock
 
 from g1_description.gazebo.parameters import GazeboParameters
-from g1_description.msg import TrackingReport
+from g1_description.msg import MotorStates, TrackingReport
 from g1_description.ros.conversions import stamp_from_ns
 from g1_description.ros.publisher import DirectPublisher
 from g1_description.ros.wire import LinkStatesEncoder, Prepared, ready
+from g1_description.sim.model import Model
 from g1_description.sim.motions import MotionTracker
 from g1_description.sim.world import World
 
@@ -72,7 +73,9 @@ class StateTopics:
         self._clock = DirectPublisher("/clock", Clock, QUEUE_SIZE)
         self._topics = []
         self._latched: DirectPublisher | None = None
+        self._motors: DirectPublisher | None = None
         if parameters.enable_ros_network:
+            self._motors = DirectPublisher("~motor_states", MotorStates, QUEUE_SIZE)
             self._latched = DirectPublisher(
                 "~world_state", WorldState, QUEUE_SIZE, True
             )
@@ -104,6 +107,10 @@ class StateTopics:
                     self._sent, self._sent_ns = time.monotonic(), self._world.time_ns
                 elif topic is self._latched:
                     topic.forget()
+            if self._motors is not None and self._motors.get_num_connections():
+                for model in self._world.models.values():
+                    if model.joint_names:
+                        self._motors.publish(self._motor_states(model))
         self._is_settled, self._changed = False, -math.inf
 
     def _publish_clock(self) -> None:
@@ -209,6 +216,16 @@ class StateTopics:
         content = self._encoded_links() + struct.pack("<I", 0)
         self._shown = time_ns, content
         return ready(header + content)
+
+    def _motor_states(self, model: Model) -> MotorStates:
+        """Return the states of a model's joints."""
+        world = self._world
+        efforts = world.engine.efforts(model).tolist() if world.is_dynamic else []
+        message = MotorStates(model_name=model.name, joint_names=model.joint_names)
+        message.header.stamp = stamp_from_ns(world.time_ns)
+        message.q, message.dq = model.position.tolist(), model.velocity.tolist()
+        message.tau = efforts
+        return message
 
     def _encoded_links(self) -> bytes:
         names = self._world.link_names

@@ -127,7 +127,9 @@ class LiveSimulator:
 
     def hang(self, robot: str, is_on: bool, length: float) -> None:
         """Hang a robot on a rope of a length in [m], or let it go."""
-        self._call("set_gantry", SetGantry, model_name=robot, enable=is_on, length=length)
+        self._call(
+            "set_gantry", SetGantry, model_name=robot, enable=is_on, length=length
+        )
 
     def _call(self, service: str, kind: type, **fields) -> None:
         """Call a service.
