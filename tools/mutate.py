@@ -48,6 +48,7 @@ LEFT_OUT = re.compile(
 FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)
 MOST_SECONDS = 120.0  # of pytest's tests for one mutant, as they took for the map
 MOST_ROSTESTS = 3
+ENOUGH = 0.8  # of the lines of a module that the most thorough rostest executes
 MARK = "G1_DESCRIPTION_MUTANT={}"  # of what runs for a clone; tests set their own
 PYTEST = ".venv/bin/python -m pytest -q -p no:cacheprovider"
 COVERAGE = [sys.executable, "-m", "coverage"]
@@ -214,11 +215,12 @@ def tests_of(mutant, data, seconds):
     tests = [test for test in order if "::" in test and test in found]
     totals = accumulate(seconds[test] for test in tests)
     tests = tests[: sum(total < MOST_SECONDS for total in totals)]
-    # Those that execute most of the module are about it.
+    # Those that execute nearly as much of the module as any are about it.
     lines = Counter(test for tests in by_line.values() for test in tests)
     rostests = [test for test in order if ".test" in test and test in executing]
-    rostests = sorted(rostests, key=lambda test: -lines[test])[:MOST_ROSTESTS]
-    return tests, sorted(rostests, key=seconds.get)
+    most = max((lines[test] for test in rostests), default=0)
+    about = [test for test in rostests if lines[test] >= ENOUGH * most]
+    return tests, about[:MOST_ROSTESTS]
 
 
 def judge(mutant, free, data, seconds):
