@@ -1,0 +1,60 @@
+"""Topics of single joints, as rl_sar's node uses them."""
+
+import subprocess
+import unittest
+
+import rospy
+from robot_msgs.msg import MotorCommand, MotorState
+from sensor_msgs.msg import JointState
+from support.ros_testing import DEADLINE, Connected, program, wait_for
+
+ELBOW, KNEE = "left_elbow", "right_knee"
+
+
+class TestJointControllers(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.states, cls.commands = {}, {}
+        for name in (ELBOW, KNEE):
+            topic = f"/g1_gazebo/{name}_controller"
+            cls.states[name] = Connected(f"{topic}/state", MotorState)
+            cls.addClassCleanup(cls.states[name].close)
+            publisher = rospy.Publisher(f"{topic}/command", MotorCommand, queue_size=10)
+            wait_for(publisher.get_num_connections, "the controller to listen")
+            cls.commands[name] = publisher
+
+    def test_each_joint_follows_its_command_and_tells_its_effort(self):
+        for name, goal in ((ELBOW, 1.0), (KNEE, 0.7)):
+            self.commands[name].publish(MotorCommand(q=goal, kp=80.0, kd=4.0))
+
+        def is_there(goal):
+            def holds(m):
+                effort = 80.0 * (goal - m.q) - 4.0 * m.dq
+                return abs(m.q - goal) < 0.1 and abs(effort - m.tau_est) < 1.0
+
+            return holds
+
+        self.states[ELBOW].wait(is_there(1.0), "the elbow")
+        self.states[KNEE].wait(is_there(0.7), "the knee")
+        self.commands[ELBOW].publish(MotorCommand(tau=-6.0, kd=4.0))
+        self.states[ELBOW].wait(lambda m: m.q < 0.0, "the elbow's effort")
+
+    def test_all_joints_are_published_with_their_efforts(self):
+        states = Connected("/g1_gazebo/joint_states", JointState)
+        self.addCleanup(states.close)
+        message = states.wait()
+        self.assertIn("left_hip_pitch_joint", message.name)
+        sizes = {len(message.name), len(message.position), len(message.effort)}
+        self.assertEqual(sizes, {29})
+
+    def test_a_controller_without_a_joint_is_told(self):
+        command = [program("joint_controllers.py"), "no_controller", "__ns:=/g1_gazebo"]
+        ended = subprocess.run(
+            command, capture_output=True, text=True, timeout=DEADLINE, check=False
+        )
+        self.assertEqual(ended.returncode, 1)
+        self.assertIn(
+            "No joint of no_controller: there is no parameter "
+            "/g1_gazebo/no_controller/joint. Load the file of the controllers first.",
+            ended.stderr + ended.stdout,
+        )
