@@ -169,6 +169,19 @@ class TestKinematic(unittest.TestCase):
         self.assertIn("no link 'ear'", self.refusal(self.client.anchor, "ear"))
         self.assertEqual(self.client.anchor("lowest_foot"), hand)
 
+    def test_a_base_that_is_set_with_joints_is_there_with_an_anchor_too(self):
+        hand = "left_rubber_hand"
+        self.client.set(ROBOT.neutral, [0, 0, 0.8, 0, 0, 0, 1])
+        self.addCleanup(self.client.anchor)
+        self.client.anchor(hand)
+        state = self.client.set(ROBOT.random_configuration(3), HERE)
+        self.assertEqual(state.base.tolist(), HERE)
+        self.assertFalse(state.base_twist.any())
+        wanted = ROBOT.link_poses(state.positions, state.base)[hand]
+        after = self.client.step(1, ROBOT.random_configuration(4))
+        placed = ROBOT.link_poses(after.positions, after.base)[hand]
+        np.testing.assert_allclose(placed, wanted, atol=1e-9)
+
     def test_what_is_clamped_is_told(self):
         state = self.client.set({KNEE: 9.0})
         row = ROBOT.joint_row(KNEE)

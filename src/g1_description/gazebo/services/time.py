@@ -116,9 +116,10 @@ def _set(world: World, model: Model, request) -> Report:
         )
     checked("joint_positions", positions)
     pose = checked_pose(request.base_pose) if request.set_base else None
-    if pose is not None:
+    report = world.set_joint_positions(model.name, dict(zip(names, positions)))
+    if pose is not None:  # last: with an anchor, joints move the base
         world.set_root_state(model, pose, model.twist * 0.0)
-    return world.set_joint_positions(model.name, dict(zip(names, positions)))
+    return report
 
 
 def _state(world: World, model: Model, success: bool, message: str):
