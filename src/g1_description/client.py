@@ -111,12 +111,16 @@ class Client:
         if not 0.0 <= timeout < math.inf:
             raise InvalidValueError(f"timeout must be at least 0 s (got {timeout:g}).")
         self._services = Connection(gazebo, timeout)
-        self._services.wait_for("step_model")
-        first = self._wait_for_robot(timeout)
+        try:
+            self._services.wait_for("step_model")
+            first = self._wait_for_robot(timeout)
+            self._was_running = not self._physics().pause
+            self._services.call("pause_physics", Empty)
+        except BaseException:
+            self._services.close()
+            raise
         self.joint_names: tuple[str, ...] = tuple(first.joint_states.name)
         """The movable joints in the order of the URDF, as in all arrays."""
-        self._was_running = not self._physics().pause
-        self._services.call("pause_physics", Empty)
 
     def __enter__(self) -> Client:
         """Return this client, for a with statement."""
@@ -259,9 +263,12 @@ class Client:
             G1DescriptionError: If the request is invalid.
         """
         count("every", every, 1)
+        time_step = self.time_step
+        if not time_step:
+            raise RefusedError("time_step is 0: a motion would not advance.")
         self.follow(trajectory)
         # A nanosecond less: a motion of 0.3 s ends with step 300 of 0.001 s.
-        steps = math.ceil((trajectory.rest_time - 1e-9) / self.time_step)
+        steps = math.ceil((trajectory.rest_time - 1e-9) / time_step)
         return self.record(max(steps, 1), every)
 
     def record(self, n: int, every: int = 1) -> Motion:

@@ -5,11 +5,12 @@ import re
 import tempfile
 import time
 import unittest
+from pathlib import Path
 
 import numpy as np
 import rospy
 from gazebo_msgs.msg import LinkStates
-from gazebo_msgs.srv import GetPhysicsProperties
+from gazebo_msgs.srv import GetPhysicsProperties, SetPhysicsProperties
 from std_srvs.srv import Empty
 from support.ros_testing import DEADLINE, REPOSITORY, Connected
 
@@ -31,6 +32,13 @@ def bits(state):
     """Give all numbers of a state, to the last bit."""
     arrays = state.positions, state.velocities, state.base, state.base_twist
     return state.time_ns, *(array.tobytes() for array in arrays)
+
+
+def sockets():
+    """List the open sockets of this process."""
+    files = Path("/proc/self/fd").iterdir()
+    open_files = [os.readlink(file) for file in files if file.is_symlink()]
+    return {name for name in open_files if name.startswith("socket:")}
 
 
 def experiment(client):
@@ -230,6 +238,20 @@ class TestKinematic(unittest.TestCase):
         wrong = type(wrong)(wrong.times, names, wrong.positions)
         self.assertIn("other_left", self.refusal(client.follow, wrong))
 
+    def test_a_motion_is_refused_while_steps_have_no_length(self):
+        ask = rospy.ServiceProxy(
+            "/kinematic/get_physics_properties", GetPhysicsProperties
+        )
+        change = rospy.ServiceProxy(
+            "/kinematic/set_physics_properties", SetPhysicsProperties
+        )
+        before = ask()
+        rest = before.max_update_rate, before.gravity, before.ode_config
+        self.addCleanup(change, before.time_step, *rest)
+        change(0.0, *rest)
+        still = ROBOT.trajectory([0.0, 1.0], [ROBOT.neutral, ROBOT.neutral])
+        self.assertIn("time_step is 0", self.refusal(self.client.play, still))
+
     def test_steps_while_time_runs_are_refused(self):
         rospy.ServiceProxy("/kinematic/unpause_physics", Empty)()
         with self.assertRaisesRegex(G1DescriptionError, "time is running"):
@@ -265,6 +287,14 @@ class TestAbsent(unittest.TestCase):
         service = rospy.Service("/other/pause_physics", Empty, lambda _: None)
         self.addCleanup(service.shutdown)
         self.assertIn("is not the simulator", self.refusal(gazebo="/other"))
+
+    def test_no_connection_stays_if_there_is_no_robot(self):
+        before = sockets()
+        try:
+            Client(model="g2_robot", timeout=1.0)
+        except G1DescriptionError as error:
+            kept = error  # and with it all that was made
+        self.assertEqual(sockets() - before, set(), kept)
 
 
 class TestPage(unittest.TestCase):
