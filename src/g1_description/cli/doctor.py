@@ -347,10 +347,8 @@ class System:
         """Process ids of the nodes that answer."""
         self.here: set[str] = set()
         """The nodes on this machine."""
-        self.place = (
-            ""
-            """Parameter of the robot's description."""
-        )
+        self.place = ""
+        """Parameter of the robot's description."""
         self.description: Description = None  # type: ignore[assignment]
         self.is_paused = False
         self.links: tuple[list[str], np.ndarray] = None  # type: ignore[assignment]
