@@ -27,7 +27,7 @@ from g1_description.motion.motion import UNIT_TOLERANCE, Motion, fitted
 from g1_description.motion.motors import is_name, motors_of, named_motors
 from g1_description.motion.paths import motion_path
 from g1_description.robot.assembly import WORLD, base_of, root_in_base
-from g1_description.robot.description import Joint
+from g1_description.robot.description import Description, Joint
 from g1_description.robot.dynamics import (
     Masses,
     RobotMotion,
@@ -83,7 +83,7 @@ class Robot:
 
     def __init__(
         self,
-        model: str | PathLike[str] = DEFAULT,
+        model: str | PathLike[str] | Description = DEFAULT,
         motors: str | PathLike[str] | None = None,
         collisions: str | PathLike[str] | None = None,
     ) -> None:
@@ -93,7 +93,7 @@ class Robot:
             model: A profile, by its name or folder; a URDF or xacro file, as a path,
                 ``package://PACKAGE/PATH`` or ``file://``, optionally followed by
                 arguments for xacro, as in ``robot.xacro hand=true``; or the text of a
-                URDF, such as the parameter robot_description.
+                URDF, such as the parameter robot_description; or what was read of one.
             motors: File of its motors, or the name of others of its profile, such as
                 ``pd``; None: the usual ones of its profile.
             collisions: File of its allowed collisions; None: those of its profile.
@@ -101,9 +101,7 @@ class Robot:
         Raises:
             DescriptionError: If the file cannot be read, or is not a robot.
         """
-        name = fspath(model)
-        is_text = name.lstrip().startswith("<")
-        found = parse_urdf(name) if is_text else read_description(name)
+        found = model if isinstance(model, Description) else _described(fspath(model))
         self.profile = found.profile
         """Names of its feet, hands and head, and its further files."""
         if motors is not None:
@@ -906,6 +904,16 @@ def one_pose(base: Any) -> np.ndarray:
             f"The base must be a single pose (got shape {pose.shape})."
         )
     return pose
+
+
+def _described(model: str) -> Description:
+    """Read a robot from the text of a URDF, or by a name.
+
+    Raises:
+        DescriptionError: If the file cannot be read, or is not a robot.
+    """
+    is_text = model.lstrip().startswith("<")
+    return parse_urdf(model) if is_text else read_description(model)
 
 
 def _range(joint: Joint) -> tuple[float, float]:

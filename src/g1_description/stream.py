@@ -14,6 +14,11 @@ from g1_description.api import JointValues, Robot
 from g1_description.errors import InvalidValueError
 from g1_description.msg import RobotTrajectory
 from g1_description.ros.lifecycle import no_master
+from g1_description.ros.parameters import (
+    DESCRIPTION,
+    read_robot,
+    wait_for_parameter,
+)
 from g1_description.ros.waiting import NoAnswerError, wait_until
 
 TIMEOUT = 10.0
@@ -44,8 +49,9 @@ class Stream:
 
         Args:
             rate: Configurations per second of simulated time, in [Hz].
-            robot: The robot; None: that of the parameter robot_description.
-            namespace: Namespace of its topics.
+            robot: The robot; None: that of the parameter robot_description in the
+                namespace or above it, with the profile of the launch.
+            namespace: Namespace of its topics; empty: the node's.
             timeout: Longest wait, in [s].
 
         Raises:
@@ -59,11 +65,12 @@ class Stream:
             raise NoAnswerError(no_master())
         if not rospy.core.is_initialized():
             rospy.init_node("stream", anonymous=True)
-        prefix = namespace.strip("/") + "/" if namespace.strip("/") else ""
-        self.robot = robot or _described(f"{prefix}robot_description", timeout)
+        namespace = namespace.strip("/")
+        self.robot = robot or _described(namespace, timeout)
         """The robot, which makes the messages."""
+        topic = f"/{namespace}/motion" if namespace else "motion"
         self._publisher = rospy.Publisher(
-            f"{prefix}motion", RobotTrajectory, queue_size=QUEUE_SIZE, tcp_nodelay=True
+            topic, RobotTrajectory, queue_size=QUEUE_SIZE, tcp_nodelay=True
         )
         self._timeout = timeout
         if not wait_until(self._publisher.get_num_connections, timeout):
@@ -79,9 +86,12 @@ class Stream:
         """Return this stream, for a with statement."""
         return self
 
-    def __exit__(self, *_: object) -> None:
-        """Close the stream."""
-        self.close()
+    def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
+        """Close the stream; after an error, without a wait."""
+        if error is None:
+            self.close()
+        else:
+            self._publisher.unregister()
 
     def send(self, positions: JointValues | None = None, base: Any = None) -> float:
         """Wait for the next period, and show a configuration.
@@ -153,16 +163,17 @@ def _standing_still(now: rospy.Time) -> NoAnswerError:
     return NoAnswerError(f"Simulated time stands still at {now.to_sec():g} s; {why}")
 
 
-def _described(parameter: str, timeout: float) -> Robot:
-    """Read the robot of a parameter.
+def _described(namespace: str, timeout: float) -> Robot:
+    """Read the robot of a namespace.
 
     Raises:
         NoAnswerError: If there is none.
     """
-    text = wait_until(lambda: rospy.get_param(parameter, ""), timeout, None, 0.1)
-    if not text:
+    found = wait_for_parameter(DESCRIPTION, namespace, lambda: None, timeout)
+    if found is None:
+        begin = f"/{namespace}" if namespace else rospy.get_namespace()
         raise NoAnswerError(
-            f"There is no parameter {rospy.resolve_name(parameter)} within "
+            f"There is no parameter {DESCRIPTION} in {begin} or above it within "
             f"{timeout:g} s; is display.launch running?"
         )
-    return Robot(str(text))
+    return Robot(read_robot(found))

@@ -1,5 +1,6 @@
 """g1_description.Stream, and the messages that Robot makes, on a robot that runs."""
 
+import os
 import re
 import signal
 import subprocess
@@ -145,21 +146,47 @@ class TestStream(unittest.TestCase):
 
     def test_a_simulator_that_stops_ends_the_stream(self):
         pause = rospy.ServiceProxy("/gazebo/pause_physics", Empty)
-        with Stream(timeout=1.0) as stream:
+        self.addCleanup(rospy.ServiceProxy("/gazebo/unpause_physics", Empty))
+        told = self.assertRaisesRegex(NoAnswerError, "stands still at .*running")
+        with told as end, Stream(timeout=1.0) as stream:
             stream.send({"left_elbow_joint": 0.0})
             pause()
-            try:
-                with self.assertRaisesRegex(NoAnswerError, "stands still at .*running"):
-                    for _ in range(3):  # the next one may be due already
-                        stream.send({"left_elbow_joint": 0.1})
-            finally:
-                rospy.ServiceProxy("/gazebo/unpause_physics", Empty)()
+            for _ in range(3):  # the next one may be due already
+                stream.send({"left_elbow_joint": 0.1})
+        self.assertIsNone(end.exception.__context__)  # it did not wait again
 
     def test_a_robot_that_is_not_there_is_told(self):
         with self.assertRaisesRegex(NoAnswerError, "subscribes to /nobody/motion"):
-            Stream(robot=ROBOT, namespace="nobody", timeout=0.5)
-        with self.assertRaisesRegex(NoAnswerError, "/nobody/robot_description"):
             Stream(namespace="/nobody/", timeout=0.5)
+        urdf = rospy.get_param("/robot_description")
+        self.addCleanup(rospy.set_param, "/robot_description", urdf)
+        rospy.delete_param("/robot_description")
+        with self.assertRaisesRegex(NoAnswerError, "robot_description in /nobody or"):
+            Stream(namespace="nobody", timeout=0.5)
+
+    def test_a_robot_is_found_from_its_namespace_upward(self):
+        """With the profile of the launch; a node's own namespace is not in between."""
+        for topic in ("/left/motion", "/profiled/motion"):
+            self.addCleanup(Listener(topic, RobotTrajectory).close)
+        self.addCleanup(rospy.delete_param, "/profiled")
+        rospy.set_param("/profiled/robot_description_profile", "g1_23dof")
+        urdf = rospy.get_param("/robot_description")
+        rospy.set_param("/profiled/robot_description", urdf)
+        program = """if True:
+            import rospy
+            from g1_description import Stream
+            rospy.init_node("streams")
+            for namespace in ("left", "/left", ""):
+                print(Stream(namespace=namespace, timeout=9).robot.profile.name)"""
+        run = subprocess.run(
+            [sys.executable, "-c", program],
+            env={**os.environ, "ROS_NAMESPACE": "profiled"},
+            capture_output=True,
+            text=True,
+            timeout=DEADLINE,
+        )
+        names = ["g1_29dof", "g1_29dof", "g1_23dof"]
+        self.assertEqual(run.stdout.split(), names, run.stderr)
 
     def test_the_page_is_a_program(self):
         text = (REPOSITORY / "docs" / "python.md").read_text(encoding="utf-8")
