@@ -295,7 +295,21 @@ def test_no_report_takes_the_place_of_a_motion(folder, capsys, monkeypatch):
     before, name = Path(file).read_bytes(), Path(file).name
     line = refused(capsys, monkeypatch, str(file), "--csv", f"./{name}")
     assert line.endswith("which is one of the motions to check.")
+    line = refused(capsys, monkeypatch, ".", "--csv", name)
+    assert line.endswith("which is one of the motions to check.")
     assert Path(file).read_bytes() == before
+
+
+def test_reports_in_the_folder_are_replaced(folder, capsys):
+    (folder / "motions").mkdir()
+    write_motions(folder / "motions", PASSES)
+    reports = ("--csv", "report.csv", "--json", "report.json", "--html", "report.html")
+    given = [f"motions/{word}" if "." in word else word for word in reports]
+    given += ["--write-selection", "motions/choices.yaml"]
+    for _ in range(2):
+        assert run("motions", *given) == 0
+        assert capsys.readouterr().out.splitlines()[-1] == "1 file: 1 passed."
+    assert run("motions", "motions/report.csv") == MISUSE
 
 
 def test_what_cannot_be_written_leaves_the_rest(folder, capsys):
@@ -377,8 +391,28 @@ def test_watched_motions_are_checked_when_they_change(folder, monkeypatch):
     assert run.returncode == 1, run.stderr
     first, *_, last = run.stdout.splitlines()
     assert first.endswith("passed, 1.00 s, 51 samples")
-    assert last == "1 file: 1 failed; ignored 2 with other extensions."
+    assert last == "1 file: 1 failed; ignored 1 with other extensions."
     assert run.stderr.splitlines() == 2 * ["check: waiting for changes; Ctrl-C ends."]
+
+
+def test_motions_alone_are_watched(folder):
+    """And not what the command writes: it would check for ever."""
+    (folder / "motions").mkdir()
+    clip, motion = write_motions(folder / "motions", PASSES, PASSES)
+    clip.rename("clip.DAT")
+    words = ["motions", "clip.DAT", "--format", "table", "--csv", "motions/a.csv"]
+    words += ["--write-selection", "motions/own.yaml", "--model", "post.urdf"]
+    args = parse(CheckOptions, "check", words, MISUSE)
+    before = check.stamps(args)
+    (folder / "own.yaml").write_text("duration < 9: exclude\n")
+    assert run(*words, "--thresholds", "own.yaml") == 0
+    assert (folder / "motions" / "own.yaml").is_file()
+    (folder / "motions" / "selection.yaml").write_text("motion1.csv: keep\n")
+    assert check.stamps(args) == before
+    for file in (motion, Path("clip.DAT")):
+        before = check.stamps(args)
+        file.write_text(f"# now\n{file.read_text()}")
+        assert check.stamps(args) != before
 
 
 def test_an_interrupt_during_a_check_ends_watching(folder, monkeypatch):

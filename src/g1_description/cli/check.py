@@ -6,6 +6,7 @@ It needs neither a master nor a screen.
 from __future__ import annotations
 
 import argparse
+import os
 import re
 import shutil
 import sys
@@ -53,6 +54,7 @@ from g1_description.cli.progress import Printer
 from g1_description.cli.start import INTERRUPTED
 from g1_description.command_line import number, option, parse, say
 from g1_description.errors import ClusterError, G1DescriptionError, InvalidValueError
+from g1_description.motion import selection as selections
 from g1_description.motion.files.formats import ENDINGS
 from g1_description.motion.paths import split
 from g1_description.motion.selection import Selection
@@ -308,14 +310,12 @@ def check(args: CheckOptions, checker: FileChecker | None = None) -> int:
         KeyboardInterrupt: If it is interrupted before the first outcome.
     """
     selection = Selection(args.selection) if args.selection else None
-    files = motion_files(args.files, args.every, selection)
+    places = _places(args)
+    files = motion_files(args.files, args.every, selection, reports=places.files)
     if unmatched(selection):
         notify(unmatched(selection))
     if args.against is not None:
         return _compare(args, files, args.against)
-    places = ReportPlaces(
-        args.json, args.csv, args.html, args.plot, args.write_selection
-    )
     reports = Reports(places, files.tasks)
     checker = checker or file_checker(args)
     is_free = STDOUT not in (args.json, args.csv)
@@ -360,14 +360,14 @@ def watch(args: CheckOptions) -> int:
         G1DescriptionError: If nothing can be checked at the start.
     """
     checker = file_checker(args)
-    seen, code = _stamps(args), INTERRUPTED
+    seen, code = stamps(args), INTERRUPTED
     try:
         code = check(args, checker)
         while True:
             notify("waiting for changes; Ctrl-C ends.")
             now = seen
-            while now == seen or now != _stamps(args):  # also until a file is complete
-                now = _stamps(args)
+            while now == seen or now != stamps(args):  # also until a file is complete
+                now = stamps(args)
                 time.sleep(INTERVAL)
             seen = now
             try:
@@ -380,17 +380,26 @@ def watch(args: CheckOptions) -> int:
     return code
 
 
-def _stamps(args: CheckOptions) -> set[tuple[str, int, int]]:
+def stamps(args: CheckOptions) -> set[tuple[str, int, int]]:
     """Return the paths, times and sizes of all motions, to compare."""
-    found = set()
+    found, reports = set(), _places(args).files
     for path in args.files:
-        file, _ = split(path)
-        below = file.rglob("*") if file.is_dir() else [file]
-        for name in (n for n in below if n.suffix.lower() in (*ENDINGS, file.suffix)):
+        file = Path(os.path.realpath(split(path)[0]))
+        below = [file]
+        if file.is_dir():
+            below = [n for n in file.rglob("*") if n.suffix.lower() in ENDINGS]
+        for name in below:
+            if name.name == selections.FILE or str(name) in reports:
+                continue
             with suppress(OSError):  # it is being replaced
                 status = name.stat()
                 found.add((str(name), status.st_mtime_ns, status.st_size))
     return found
+
+
+def _places(args: CheckOptions) -> ReportPlaces:
+    """Return where reports go."""
+    return ReportPlaces(args.json, args.csv, args.html, args.plot, args.write_selection)
 
 
 def _compare(args: CheckOptions, files: MotionFiles, against: Path) -> int:

@@ -13,6 +13,7 @@ from tempfile import TemporaryDirectory
 
 from g1_description.checks.batch import Task
 from g1_description.checks.report import (
+    COLUMNS,
     NOT_READ,
     FileResult,
     csv_text,
@@ -46,6 +47,23 @@ class ReportPlaces:
     """A picture, or a folder for several."""
 
     write_selection: Path | None
+
+    @property
+    def files(self) -> set[str]:
+        """Real paths of the files; not that of a table that is no report."""
+        names = [self.json, self.html, self.write_selection]
+        names += [self.csv] if self.csv and _is_report(self.csv) else []
+        return {os.path.realpath(name) for name in names if name is not None}
+
+
+def _is_report(name: str) -> bool:
+    """Return whether a file is a table of this command, or does not exist."""
+    begin = ",".join(COLUMNS[:2]).encode()
+    try:
+        with open(name, "rb") as file:
+            return file.read(len(begin)) == begin
+    except OSError:
+        return True
 
 
 class Reports:

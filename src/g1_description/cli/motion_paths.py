@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
@@ -47,6 +47,7 @@ def motion_files(
     every: bool = False,
     selection: Selection | None = None,
     repeats: bool = False,
+    reports: Collection[str] = (),
 ) -> MotionFiles:
     """Find the motions.
 
@@ -55,6 +56,7 @@ def motion_files(
         every: Whether each motion of a file that has several is a task.
         selection: Those to take; None: all.
         repeats: Whether a motion that is given again is another task.
+        reports: Real paths of files in folders that are no motions.
 
     Returns:
         Each once, unless ``repeats``, in the order of the paths; those of a folder by
@@ -84,7 +86,11 @@ def motion_files(
                 )
             named.update(add(path))
             continue
-        below = [f for f in _files_below(path) if f.name != selections.FILE]
+        below = [
+            file
+            for file in _files_below(path)
+            if file.name != selections.FILE and os.path.realpath(file) not in reports
+        ]
         motions = [
             file for file in below if file.is_dir() or file.suffix.lower() in ENDINGS
         ]
