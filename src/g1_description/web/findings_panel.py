@@ -26,7 +26,7 @@ def plain(text: str) -> str:
 
 
 MAX_BUTTONS = 25
-"""Largest number of causes with a button; the worst come first."""
+"""Largest number of causes with a button; failures come first, then the earliest."""
 
 COLORS = {FAILED: "#d64541", "warning": "#f0932b"}
 
