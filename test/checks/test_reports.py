@@ -207,7 +207,7 @@ BODY = """
 <h1>Checks of motions</h1>
 <p>2 files: 1 failed, 1 not read; interrupted, 3 not done.</p>
 <table class="files">
-<tr><th>file</th><th>result</th><th>failed</th><th>warnings</th><th>first at</th>\
+<tr><th>file</th><th>result</th><th>failures</th><th>warnings</th><th>first at</th>\
 <th>length [s]</th><th>path [m]</th><th>base [m/s]</th><th>joints [rad/s]</th>\
 <th>contact</th><th>energy [J]</th><th>checks that failed; excluded by</th></tr>
 <tr><td><a href="#file0">&lt;b&gt;\\udcff</a></td>\
@@ -256,11 +256,21 @@ def test_the_page_says_what_was_found_and_names_are_text(tmp_path):
     write_page(tmp_path / "page.html", [FileResult("a.csv", plain)], [[]], 0)
     text = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert Page(text.split("<script>")[0]).text.endswith(
-        "1 file: 1 passed.\n\nfileresultfailedwarningsfirst at"
+        "1 file: 1 passed.\n\nfileresultfailureswarningsfirst at"
         "length [s]path [m]base [m/s]joints [rad/s]contactenergy [J]"
         "checks that failed; excluded by\n"
         "a.csvpassed00\n\na.csv passed\nr: \n"
     )
+
+
+def test_the_page_counts_findings_as_the_table_does(tmp_path):
+    of_one_cause = tuple(finding(subject=(name,)) for name in ("elbow", "wrist"))
+    result = FileResult("a", Verdict("r", of_one_cause, ("position",)))
+    write_page(tmp_path / "page.html", [result], [[]], 0)
+    (row,) = csv.DictReader(io.StringIO(csv_text([result])))
+    cells = f"<td>{row['failed']}</td><td>{row['warnings']}</td>"
+    assert row["failed"] == "2"
+    assert cells in (tmp_path / "page.html").read_text()
 
 
 def test_the_table_says_what_was_found():

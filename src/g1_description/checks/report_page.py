@@ -7,12 +7,11 @@ from collections.abc import Iterator, Sequence
 from html import escape
 from pathlib import Path
 
-from g1_description.checks.causes import cause_text, worst_of
+from g1_description.checks.causes import cause_text
 from g1_description.checks.report import (
     HEAD,
     FileResult,
     cause_row,
-    counted,
     skipped_text,
     summary_text,
 )
@@ -116,7 +115,7 @@ def _page(
 
 def _overview(outcomes: Sequence[FileResult]) -> Iterator[str]:
     """Write the table of all files."""
-    heads = ("file", "result", "failed", "warnings", "first at", *COLUMNS.values())
+    heads = ("file", "result", "failures", "warnings", "first at", *COLUMNS.values())
     last = "checks that failed; excluded by"
     yield f'<table class="files">\n{_row("th", (*heads, last))}'
     for number, outcome in enumerate(outcomes):
@@ -127,12 +126,10 @@ def _overview(outcomes: Sequence[FileResult]) -> Iterator[str]:
             yield _row("td", [*cells, *unknown, escape(outcome.problem)])
             continue
         findings = outcome.verdict.findings
-        causes = outcome.verdict.causes
-        counts = counted(worst_of(findings).severity for findings in causes)
         time = outcome.verdict.first_time
         first = "" if time is None else f"{time:.3f} s"
         names = dict.fromkeys(f.check for f in findings if f.severity == "failed")
-        cells += [str(counts["failed"]), str(counts["warning"]), first]
+        cells += [*map(str, outcome.verdict.counts.values()), first]
         figures = outcome.verdict.figures
         cells += [f"{figures[n]:.4g}" if n in figures else "" for n in COLUMNS]
         reasons = [", ".join(names), *outcome.verdict.excluded_by]
