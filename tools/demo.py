@@ -252,7 +252,8 @@ def check_host_name():
     try:
         socket.getaddrinfo(socket.gethostname(), None)
     except OSError:
-        say(f"this machine does not know its name {socket.gethostname()}: localhost")
+        name = socket.gethostname()
+        say(f"Cannot resolve the host name {name}; using ROS_HOSTNAME=localhost")
         os.environ["ROS_HOSTNAME"] = "localhost"
 
 
@@ -321,11 +322,8 @@ def main():
     model = arguments.get("model", default_model())
     check_master()
     check_host_name()
-    if os.environ.get("DISPLAY"):
-        say(f"there is a screen, DISPLAY is {os.environ['DISPLAY']}")
-    else:
-        say("there is no screen, DISPLAY is not set: without RViz")
-
+    if not os.environ.get("DISPLAY"):
+        say("DISPLAY is not set: RViz is not started")
     say(
         "starting "
         + " ".join(["roslaunch g1_description display.launch", *sys.argv[1:]])
@@ -333,7 +331,7 @@ def main():
     with Demo(arguments) as demo:
         timeout = 60.0
         if arguments.get("paused", "").lower() in ("true", "1"):
-            say("paused; end that with: rosservice call /gazebo/unpause_physics")
+            say("paused; resume with: rosservice call /gazebo/unpause_physics")
             timeout = 86400.0
         say("waiting for /joint_states")
         states = demo.joint_states(timeout)
