@@ -12,15 +12,21 @@ import tempfile
 import unittest
 from pathlib import Path
 
+import rospy
+from gazebo_msgs.srv import DeleteModel
 from pages import ROOT, blocks, commands
 from support.ros_testing import DEADLINE, program
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs" / "tutorials").glob("*.md"))]
 RUN = ("rosrun", "rostopic", "rosservice")
-FOREIGN = ("/path/to", "my_robot", "spawn_model", "doctor")
+FOREIGN = ("/path/to", "my_robot", "doctor")
 """What needs files of a user or programs that are not there; the doctor would find
 nodes of other tests."""
 
+PACKAGE = "$(rospack_find_g1_description)"
+"""As ``commands`` writes it."""
+
+DELETE = "/gazebo/delete_model"
 ENDLESS = ("tf_echo", "--watch", "web", "record")
 FAULTY = ("motions/faulty.csv", "motions/")
 """Motions that ``check`` fails, and ends with 1."""
@@ -49,9 +55,9 @@ class TestTutorials(unittest.TestCase):
 
     def start(self, words):
         """Start a command in the folder."""
-        words = [str(word) for word in words]
-        if words[:2] == ["rosrun", "g1_description"]:
-            words = [program(words[2]), *words[3:]]  # rosrun needs a shell's second
+        words = [str(word).replace(PACKAGE, str(ROOT)) for word in words]
+        if words[0] == "rosrun":
+            words = [program(words[2], words[1]), *words[3:]]  # rosrun takes a second
         return subprocess.Popen(
             words,
             cwd=self.folder,
@@ -67,6 +73,9 @@ class TestTutorials(unittest.TestCase):
         self.assertGreater(len(found), 15)
         for words, page in found.items():
             with self.subTest(page=page, command=" ".join(words)):
+                if words[2] == "spawn_model":  # beside the robot that runs
+                    words = ["spawned" if w == "g1_robot" else w for w in words]
+                    self.addCleanup(rospy.ServiceProxy(DELETE, DeleteModel), "spawned")
                 process = self.start(words)
                 codes = {0}
                 if any(part in words for part in ENDLESS):
