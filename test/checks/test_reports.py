@@ -222,9 +222,9 @@ BODY = """
 <p class="about">&lt;r&gt;: length 3 s, time in contact with the floor 50 %, \
 least margin of the zero-moment point 0.1235 m</p>
 <table>
-<tr><th></th><th>check</th><th>finding</th><th>first at</th><th>share of time</th></tr>
+<tr><th></th><th>check</th><th>finding</th><th>first at</th><th>% of time</th></tr>
 <tr><td><span class="result failed">failed</span></td><td>position</td>\
-<td>&lt;i&gt; is far</td><td>1.250 s</td><td>50.0 %</td></tr>
+<td>&lt;i&gt; is far</td><td>1.250 s</td><td>50.0</td></tr>
 <tr><td><span class="result warning">warning</span></td><td>fall</td>\
 <td>far</td><td>1.250 s</td><td></td></tr>
 </table>
@@ -289,8 +289,8 @@ def test_the_table_says_what_was_found():
     lines = outcome_text(FileResult("a.csv", verdict)).splitlines()
     assert lines[0] == "a.csv: failed, 3.00 s, 91 samples"
     words = [" ".join(line.split()) for line in lines]
-    assert words[1] == "check finding first at share of time"
-    assert words[2] == "failed position elbow, also elbow 1.250 s 50.0 %"
+    assert words[1] == "check finding first at % of time"
+    assert words[2] == "failed position elbow, also elbow 1.250 s 50.0"
     assert words[3] == "warning fall far 1.250 s"
     assert lines[4:] == [
         "  note: assuming 30 Hz.",

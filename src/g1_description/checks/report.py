@@ -72,7 +72,7 @@ def counted(results: Iterable[str]) -> dict[str, int]:
     return {result: counts[result] for result in RESULTS}
 
 
-HEAD = ("", "check", "finding", "first at", "share of time")
+HEAD = ("", "check", "finding", "first at", "% of time")
 """Columns of the table of findings."""
 
 
@@ -117,14 +117,14 @@ def _measures(verdict: Verdict) -> str:
 
 
 def cause_row(findings: Collection[Finding]) -> tuple[str, ...]:
-    """Describe the findings of one cause: severity, check, the worst, first, share."""
+    """Describe the findings of one cause, in the columns of ``HEAD``."""
     worst = worst_of(findings)
     return (
         worst.severity,
         worst.check,
         cause_text(findings),
         f"{min(finding.first_time for finding in findings):.3f} s",
-        f"{100.0 * max(f.share for f in findings):.1f} %" if worst.unit else "",
+        f"{100.0 * max(f.share for f in findings):.1f}" if worst.unit else "",
     )
 
 

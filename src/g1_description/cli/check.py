@@ -176,11 +176,11 @@ class CheckOptions:
         metavar="OUT",
     )
     html: Path | None = option(
-        "write a page with all findings and plots", None, Path, metavar="FILE"
+        "write a page with causes, pictures and plots", None, Path, metavar="FILE"
     )
     pictures: bool = option(
-        "draw the robot at the worst time of each finding in the terminal, which needs "
-        "24-bit colours",
+        "draw the robot at the worst time of the first eight causes in the terminal, "
+        "which needs 24-bit colours",
         False,
     )
     against: Path | None = option(
@@ -198,7 +198,8 @@ class CheckOptions:
         shown="found",
     )
     watch: bool = option(
-        "check again whenever a file changes, until Ctrl-C; faster than starting again",
+        "check again whenever a motion changes, until Ctrl-C; faster than starting "
+        "again",
         False,
     )
     quiet: bool = option("print only the last line, with the counts", False)

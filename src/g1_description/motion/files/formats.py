@@ -241,9 +241,7 @@ def _ignored(
         found.append("The file has no quaternions in an order: --order is ignored.")
     names = motion.joint_names
     if source.joint_order == ISAAC_LAB and names != breadth_first(robot, names):
-        found.append(
-            "The file tells the order of its joints: --input-joint-order is ignored."
-        )
+        found.append("The file names its joints: --input-joint-order is ignored.")
     return found
 
 

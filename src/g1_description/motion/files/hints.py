@@ -225,14 +225,14 @@ def _base(
     if upward < DOWN:
         return (
             "The base points down in most samples: the order of the quaternion, or the "
-            "direction of its turn, may be another than was read."
+            "direction of its turn, may differ from what was assumed."
         )
     height = float(np.median(base[:, 2]))
     if abs(upward) < LYING and OTHER_UNITS > height > HIGH:
         return (
             f"The base lies at a height of {height:.2g} m in most samples: the order "
-            "of the quaternion, or the axis that points up, may be another than was "
-            "read."
+            "of the quaternion, or the axis that points up, may differ from what was "
+            "assumed."
         )
     if lower is None or not base[:, :3].any():
         return ""
@@ -244,8 +244,8 @@ def _feet(lower: np.ndarray, may_lie: bool) -> str:
     if may_lie and tilt(lower) > MAX_TILT:
         return (
             "The robot does not stand in most samples: it lies, or the order of the "
-            "quaternion or of the joints, or the axis that points up, is another than "
-            "was read."
+            "quaternion or of the joints, or the axis that points up, differs from "
+            "what was assumed."
         )
     lowest, highest = float(lower[:, 2].min()), float(lower[:, 2].max())
     if lowest < AWAY and highest > -AWAY:
