@@ -35,7 +35,6 @@ WORTH_SHOWING = re.compile(r"\[ ?(WARN|ERROR|FATAL)(?!.*KDL does not support a r
 # Longest time in [s] in which roslaunch may clean up after all the nodes.
 ALONE = 1.0
 ROSLAUNCH = re.compile(r"/roslaunch |/rosmaster ")
-VARIES = re.compile(r"\d+| \(\d+ more like it\)")
 # Where the browser view is: its token is told nowhere else.
 ADDRESS = re.compile(r"open http://\S+|Whoever has this address .*")
 
@@ -56,7 +55,6 @@ class Demo:
         """
         self.stopping = False
         self.first_errors = []
-        self.shown = set()
         self.screen = threading.Lock()
         self.is_ending = threading.Event()
         self.meter = None
@@ -106,12 +104,9 @@ class Demo:
                 self.show(plain)
 
     def show(self, line):
-        """Show a line that is worth it; what differs in numbers only is shown once."""
-        kind = VARIES.sub("", line)
+        """Show a line that is worth it."""
         with self.screen:
-            is_new = not self.stopping and kind not in self.shown
-            if is_new and WORTH_SHOWING.match(line):
-                self.shown.add(kind)
+            if not self.stopping and WORTH_SHOWING.match(line):
                 sys.stderr.write(line)
 
     def advise(self, block):
@@ -206,14 +201,6 @@ class Demo:
         lines = Path(self.log_name).read_text().splitlines()
         print(*lines[-20:], sep="\n", file=sys.stderr)
         sys.exit(f"tools/demo: {reason}; all of its output is in {self.log_name}")
-
-
-def default_model():
-    """Read from the launch file which robot it loads by default."""
-    for argument in ElementTree.parse(f"{ROOT}/launch/display.launch").iter("arg"):
-        if argument.get("name") == "model":
-            return argument.get("default").replace("$(find g1_description)", str(ROOT))
-    return "unknown"
 
 
 def master():
@@ -319,7 +306,7 @@ def block_of(states, model, log):
 def main():
     """Run the demo."""
     arguments = dict(word.split(":=", 1) for word in sys.argv[1:])
-    model = arguments.get("model", default_model())
+    model = arguments.get("model", "")
     check_master()
     check_host_name()
     if not os.environ.get("DISPLAY"):

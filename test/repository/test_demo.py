@@ -1,11 +1,9 @@
 """The demo: what its terminal shows of roslaunch's and the nodes' words."""
 
 import os
-import re
 import signal
 import subprocess
 import threading
-from pathlib import Path
 
 import pytest
 from conftest import REPOSITORY
@@ -60,7 +58,10 @@ class Running:
         self.lines.extend(self.process.stdout)
 
     def shows(self, words):
-        return any(words in line for line in self.lines)
+        return self.count(words) > 0
+
+    def count(self, words):
+        return sum(words in line for line in self.lines)
 
     def __enter__(self):
         """Leave it running."""
@@ -74,20 +75,17 @@ class Running:
 
 
 @pytest.mark.slow
-def test_a_warning_below_the_advice_is_shown_once():
+def test_each_mistake_is_shown_below_the_advice():
     with Running() as demo:
         wait_for(lambda: demo.shows("Ctrl-C ends everything"), "the advice")
-        log = Path(re.search(r"Log +(\S+),", "".join(demo.lines)).group(1))
         words = "{name: [left_knee], position: [1.2]}"
         command = ["rostopic", "pub", "-r", "20", "/joint_commands"]
         with subprocess.Popen(
             [*command, "sensor_msgs/JointState", words], env=demo.environment
         ) as wrong:
             try:
-                wait_for(lambda: demo.shows("unknown joint"), "the warning")
-                wait_for(lambda: "more like it" in log.read_text(), "another one")
+                wait_for(lambda: demo.count("unknown joint") > 1, "another warning")
             finally:
                 wrong.kill()
     assert demo.process.returncode == 0
-    assert sum("unknown joint" in line for line in demo.lines) == 1
     assert not demo.shows("[INFO]")
