@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any, Callable, TextIO, TypeVar
 
 from g1_description.errors import InvalidValueError
-from g1_description.text import similar
+from g1_description.text import did_you_mean
 
 Options = TypeVar("Options")
 
@@ -34,8 +34,7 @@ class OneSentenceParser(argparse.ArgumentParser):
         if unknown:
             names = (name for action in self._actions for name in action.option_strings)
             known = {name.lstrip("-"): name for name in names}
-            near = similar(unknown[0].partition("=")[0].lstrip("-"), known)
-            hint = f" (did you mean {known[near[0]]}?)" if near else ""
+            hint = did_you_mean(unknown[0].partition("=")[0].lstrip("-"), known, known)
             self.error(f"unrecognized arguments: {' '.join(unknown)}{hint}")
         return given
 
@@ -44,8 +43,7 @@ class OneSentenceParser(argparse.ArgumentParser):
         try:
             super()._check_value(action, value)
         except argparse.ArgumentError as error:
-            near = similar(str(value), map(str, action.choices or ()))
-            error.message += f" (did you mean {near[0]}?)" if near else ""
+            error.message += did_you_mean(str(value), map(str, action.choices or ()))
             raise
 
     def error(self, message: str) -> Any:

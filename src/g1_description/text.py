@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 MAX_NAMES = 8
 """Most names that a sentence lists."""
@@ -26,6 +26,20 @@ def listed(names: Iterable[str]) -> str:
 def similar(name: str, names: Iterable[str]) -> list[str]:
     """Return at most three names like one that does not exist, the likest first."""
     return difflib.get_close_matches(name, list(names), n=3)
+
+
+def did_you_mean(
+    name: str, names: Iterable[str], shown: Mapping[str, str] | None = None
+) -> str:
+    """Suggest the name most like one that does not exist; empty if none is.
+
+    Args:
+        name: The name.
+        names: Those that exist.
+        shown: What to show for each; None: itself.
+    """
+    near = similar(name, names)
+    return f" (did you mean {shown[near[0]] if shown else near[0]}?)" if near else ""
 
 
 def similar_first(name: str, names: Iterable[str]) -> list[str]:

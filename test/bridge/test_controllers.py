@@ -43,7 +43,7 @@ def test_without_joints_it_has_all_of_them():
         ([{"name": ""}], "got ''"),
         ([{"name": "arm", "joints": []}], "must be a list"),
         ([{"name": "arm", "joints": "knee"}], "must be a list"),
-        ([{"name": "arm", "joints": ["elbo"]}], "'elbo'; did you mean one of elbow"),
+        ([{"name": "arm", "joints": ["elbo"]}], "'elbo' .did you mean elbow."),
         ([{"name": "arm", "joints": [["knee"]]}], "unknown joint"),
         ([{"name": "arm", "joints": ["knee", "knee"]}], "must not repeat"),
         ([{**ARM, "constraints": {"knee": {}}}], "unknown key knee"),

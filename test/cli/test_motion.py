@@ -345,7 +345,7 @@ def test_one_or_all_motions_of_a_file_are_taken(motions, capsys):
         ("rename motion0.csv --out a.csv --names a=b", "post has no joint 'b'."),
         ("join motion0.csv --out a.csv", "join needs at least two motions."),
         ("convert none.csv --out a.csv", "none.csv does not exist."),
-        ("convert motion.csv --out a.csv", "motion.csv does not exist; did you mean"),
+        ("convert motion.csv --out a.csv", "motion.csv does not exist (did you mean"),
         ("convrt motion0.csv", "(did you mean convert?)"),
         ("convert motion0.csv --out a.npz --to mjlb", "(did you mean mjlab?)"),
         ("convert motion0.csv --out post.csv", "post.csv exists; --force replaces it."),

@@ -36,9 +36,12 @@ def test_other_names_are_paths(name):
 @pytest.mark.parametrize(
     ("name", "told"),
     [
-        ("squt.csv", "squt.csv does not exist; did you mean squat.csv?"),
-        ("sqat", "sqat does not exist; did you mean squat.csv?"),
-        ("./to_left.npz", "to_left.npz does not exist; did you mean to_the_left.npz?"),
+        ("squt.csv", "squt.csv does not exist (did you mean squat.csv?)."),
+        ("sqat", "sqat does not exist (did you mean squat.csv?)."),
+        (
+            "./to_left.npz",
+            "to_left.npz does not exist (did you mean to_the_left.npz?).",
+        ),
         ("no/squt.csv", "no/squt.csv does not exist."),
         ("x.csv", "x.csv does not exist."),
     ],

@@ -208,15 +208,15 @@ def test_an_argument_for_what_takes_none_is_refused(write):
 def test_what_is_not_there_is_told_with_what_is_near(write, tmp_path):
     write("robots/urdf/g1.urdf")
     assert refusal(tmp_path / "robots" / "urdf" / "g2.urdf").endswith(
-        "g2.urdf; did you mean g1.urdf?"
+        "g2.urdf (did you mean g1.urdf?)."
     )
     write("robots/urdf/g1.md")
-    assert refusal(tmp_path / "robots" / "urdf" / "g2.md").endswith("mean g1.md?")
-    with pytest.raises(DescriptionError, match=r"mean g1\.md\?$"):
+    assert refusal(tmp_path / "robots" / "urdf" / "g2.md").endswith("mean g1.md?).")
+    with pytest.raises(DescriptionError, match=r"mean g1\.md\?\)\.$"):
         absolute_urdf(str(tmp_path / "robots" / "urdf" / "g2.md"))
     assert refusal(tmp_path / "robots" / "x").endswith("it contains urdf/g1.urdf.")
     assert refusal(tmp_path / "robot" / "g1.urdf").endswith(
-        f"There is no folder {tmp_path}/robot; did you mean robots?"
+        f"There is no folder {tmp_path}/robot (did you mean robots?)."
     )
     folder = refusal(tmp_path / "robots")
     assert folder.endswith("robots is a folder; it contains urdf/g1.urdf.")

@@ -23,7 +23,7 @@ from g1_description.robot.description import Joint, clamped_to_limits
 from g1_description.ros.conversions import pose_from_array
 from g1_description.ros.log import SHORT_PERIOD, ThrottledLog
 from g1_description.ros.master import SERVICE_ERRORS
-from g1_description.text import listed, similar
+from g1_description.text import did_you_mean, listed
 
 MAX_NAMES = 50
 """Ignored names that are counted one by one: names come from outside."""
@@ -123,9 +123,7 @@ class CommandTally:
 
 def _unknown(names: Sequence[str], joints: Iterable[str]) -> str:
     """Describe unknown joints, with the joint that the first one may mean."""
-    near = similar(names[0], joints)
-    hint = f" (did you mean {near[0]}?)" if near else ""
-    return f"unknown joint {listed(names)}{hint}"
+    return f"unknown joint {listed(names)}{did_you_mean(names[0], joints)}"
 
 
 def _unpaired(names: Sequence[str], positions: Sequence[float]) -> Iterator[str]:

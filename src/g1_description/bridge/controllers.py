@@ -9,7 +9,7 @@ from typing import Any
 
 from g1_description.errors import InvalidValueError
 from g1_description.motion.tolerances import Constraints, read_constraints
-from g1_description.text import listed, similar_first
+from g1_description.text import did_you_mean, listed
 
 KEYS = ("name", "joints", "constraints")
 
@@ -79,10 +79,8 @@ def _joints(found: Any, joints: Sequence[str]) -> tuple[str, ...]:
         raise InvalidValueError(f"joints must be a list of names (got {found!r})")
     unknown = [name for name in found if name not in joints]
     if unknown:
-        near = listed(similar_first(str(unknown[0]), joints))
-        raise InvalidValueError(
-            f"unknown joint {unknown[0]!r}; did you mean one of {near}?"
-        )
+        near = did_you_mean(str(unknown[0]), joints)
+        raise InvalidValueError(f"unknown joint {unknown[0]!r}{near}")
     if len({*found}) < len(found):
         raise InvalidValueError("joints must not repeat a name")
     return tuple(found)

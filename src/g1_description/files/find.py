@@ -5,13 +5,12 @@ from __future__ import annotations
 import os
 import re
 import stat
-from collections.abc import Iterable
 from pathlib import Path
 from urllib.parse import unquote
 
 from g1_description.errors import DescriptionError
 from g1_description.files.model_files import find_folder, package_names
-from g1_description.text import similar
+from g1_description.text import did_you_mean
 
 _ARGUMENT = re.compile(r"\s+(?=[A-Za-z_]\w*:?=)")
 
@@ -88,15 +87,9 @@ def named_path(name: str) -> Path:
     package, _, inside = rest.partition("/")
     folder = find_folder(package)
     if folder is None:
-        near = _similar(package, package_names())
-        raise DescriptionError(f"There is no package '{package}'{near or '.'}")
+        near = did_you_mean(package, package_names())
+        raise DescriptionError(f"There is no package '{package}'{near}.")
     return Path(folder) / unquote(inside)
-
-
-def _similar(name: str, existing: Iterable[str]) -> str:
-    """Suggest names similar to one that does not exist, as the end of a message."""
-    found = similar(name, existing)
-    return f"; did you mean {' or '.join(found)}?" if found else ""
 
 
 def _absent(path: Path) -> str:
@@ -108,11 +101,10 @@ def _absent(path: Path) -> str:
     names = _names_in(missing.parent)
     if kind == "file" and path.suffix:
         names = [name for name in names if name.endswith(path.suffix)]
-    near = _similar(missing.name, names)
+    near = did_you_mean(missing.name, names)
     if not near and kind == "file":
         near = with_robots(missing.parent)
-    end = "" if near.endswith("?") else "."
-    return f"There is no {kind} {missing}{near}{end}"
+    return f"There is no {kind} {missing}{near}."
 
 
 def _names_in(folder: Path) -> list[str]:

@@ -11,7 +11,7 @@ from g1_description.bounds import MAX_VALUE, NORM_TOLERANCE
 from g1_description.errors import InvalidValueError, MotionError, UnknownNameError
 from g1_description.robot.description import Description
 from g1_description.robot.rotation import multiply, normalized, rotate, shorter_turn
-from g1_description.text import listed, similar, similar_first
+from g1_description.text import did_you_mean, listed, similar_first
 
 SINGLE_TIME = 0.1
 """Duration of the velocities of a single sample, in [s]: a stream of single samples has
@@ -437,11 +437,9 @@ def fitted(motion: Motion, robot: Description) -> Motion:
     notes = [*motion.notes]
     missing = [name for name in own if name not in names]
     if unknown:
-        near = similar(unknown[0], missing)
-        hint = f" Did you mean {near[0]}?" if near else ""
         notes.append(
-            f"Joints that {robot.name} does not have are ignored: {listed(unknown)}."
-            f"{hint}"
+            f"Joints that {robot.name} does not have are ignored: {listed(unknown)}"
+            f"{did_you_mean(unknown[0], missing)}."
         )
     if missing:
         notes.append(

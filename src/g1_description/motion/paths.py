@@ -9,7 +9,7 @@ import re
 from os import PathLike, fspath
 from pathlib import Path
 
-from g1_description.text import similar
+from g1_description.text import did_you_mean
 
 RATE_IN_NAME = re.compile(
     r"(?<![\d.])0*(?P<before>[1-9]\d{0,5})[ _-]?(?:hz|fps)(?![a-z0-9])"
@@ -112,7 +112,4 @@ def absent(path: Path) -> str:
     end = path.suffix or ".csv"
     files = (file for folder in folders for file in folder.glob("*"))
     known = {file.stem: file.name for file in files if file.suffix == end}
-    near = [known[stem] for stem in similar(path.stem, sorted(known))]
-    return f"{path} does not exist" + (
-        f"; did you mean {' or '.join(near)}?" if near else "."
-    )
+    return f"{path} does not exist{did_you_mean(path.stem, known, known)}."

@@ -15,7 +15,7 @@ from g1_description.files.yaml import parse_yaml
 from g1_description.robot.transform import compose
 from g1_description.ros.conversions import vector_to_array
 from g1_description.ros.waiting import BUFFER
-from g1_description.text import similar
+from g1_description.text import did_you_mean
 
 FIRST_TIMEOUT = 2.0
 """Longest wait for a frame by a new listener, in [s] of wall time."""
@@ -87,8 +87,7 @@ class MapFrame:
         known = {*edges, *(edge["parent"] for edge in edges.values())}
         if frame in known:
             return f"no transform from frame {frame!r} to {self._names[0]!r}: {error}"
-        near = similar(frame, known)
-        hint = f" (did you mean {near[0]}?)" if near else ""
+        hint = did_you_mean(frame, known)
         return f"no transform from frame {frame!r}: nothing publishes it on /tf{hint}"
 
     def _look_up(self, frame: str, stamp: rospy.Time) -> np.ndarray:
