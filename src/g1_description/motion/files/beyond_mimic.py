@@ -21,6 +21,7 @@ import numpy as np
 from g1_description.errors import MotionError
 from g1_description.motion.files.conventions import (
     JOINT_ORDERS,
+    TURNED,
     base_of,
     breadth_first,
     layouts,
@@ -59,11 +60,6 @@ OVERHEAD = 20_000
 NO_BASE = "An npz needs base poses, and this motion has none; write .csv."
 
 UNKNOWN_ORDER = "The joint order is unknown; assuming that of the robot's file."
-
-TURNED = (
-    "The bodies fit only if the quaternions are x y z w, though this format has w x y "
-    "z: --order xyzw reads them so."
-)
 
 CONTROL_RATE = 50.0
 """Samples per second at which both trainers step, in [Hz]."""

@@ -96,6 +96,11 @@ EITHER = (
     "set --order to be certain."
 )
 
+TURNED = (
+    "The bodies fit only if the quaternions are x y z w, though this format has w x y "
+    "z: --order xyzw reads them so."
+)
+
 UNKNOWN_QUATERNION = (
     "Cannot tell the quaternion order of the base: the feet are flat in neither. Give "
     "it, --order xyzw or --order wxyz; or the joints are in another order, "

@@ -12,6 +12,7 @@ import numpy as np
 from g1_description.motion.files.conventions import (
     MAX_TILT,
     SAME_TILT,
+    TURNED,
     W_FIRST_COLUMNS,
     breadth_first,
     has_soles,
@@ -209,7 +210,7 @@ def _base(
 ) -> str:
     """Tell of a base and feet that are not as those of a robot that stands."""
     lower = None
-    is_told = any("--order" in note for note in motion.notes)
+    is_told = TURNED in motion.notes
     if has_soles(robot):
         title, columns = OTHERS[order or "xyzw"]
         lower, other = lower_feet(motion, robot, columns)
