@@ -16,7 +16,7 @@ from g1_description.robot.description import Description
 from g1_description.robot.lumping import lump_fixed_joints
 from g1_description.robot.state import RobotState
 from g1_description.robot.transform import IDENTITY
-from g1_description.sim.anchor import Anchors
+from g1_description.sim.anchor import Anchor
 from g1_description.sim.model import Model
 from g1_description.sim.standing import lowest_height
 from g1_description.web.robot import ShownRobot
@@ -42,9 +42,8 @@ class StillRobot:
         """
         self.name, self.description = name, description
         self._lock = Lock()
-        self.anchor = ""
         self._model = Model(name, lump_fixed_joints(description, False), IDENTITY)
-        self._anchors = Anchors("kinematic")
+        self._anchor: Anchor | None = None
         self.offset = np.zeros(3)
         """Offset of its displayed position, in [m]."""
         joints = description.movable_joints
@@ -57,7 +56,7 @@ class StillRobot:
         with self._lock:
             self._positions, self._base = self._beginning
             self._way: tuple[Motion, float] | None = None
-            self._anchors.renew(self._moved())
+            self._renew()
 
     def state(self) -> RobotState:
         """Return the current state."""
@@ -81,6 +80,11 @@ class StillRobot:
             self._positions = {**self._positions, **positions}
             self._hold()
 
+    @property
+    def anchor(self) -> str:
+        """The link that stays at its place while joints move; empty: none."""
+        return self._anchor.name if self._anchor else ""
+
     def set_anchor(self, link: str) -> None:
         """Set the link that stays at its place while joints move; empty: none.
 
@@ -88,8 +92,7 @@ class StillRobot:
             G1DescriptionError: If there is no such link.
         """
         with self._lock:
-            self._anchors.set(self._moved(), link)
-            self.anchor = link
+            self._anchor = Anchor(self._moved(), link) if link else None
 
     def _moved(self) -> Model:
         """Return the model at the current state."""
@@ -100,16 +103,23 @@ class StillRobot:
 
     def _hold(self) -> None:
         """Let the base follow the anchor."""
-        if self.anchor:
-            self._anchors.hold(self._moved())
+        if self._anchor:
+            self._moved()
+            self._anchor.hold()
             self._base = self._model.root_poses[0].copy()
+
+    def _renew(self) -> None:
+        """Keep the anchor where it is now."""
+        if self._anchor:
+            self._moved()
+            self._anchor.renew()
 
     def command_base(self, pose: np.ndarray) -> None:
         """Set the pose of the base."""
         with self._lock:
             self._base = pose.copy()
             self._base[:3] -= self.offset
-            self._anchors.renew(self._moved())
+            self._renew()
 
     def go(self, trajectory: Motion) -> None:
         """Play a motion of joints from now."""
@@ -130,7 +140,7 @@ class StillRobot:
             self._hold()
         else:
             self._base = found.base_poses
-            self._anchors.renew(self._moved())
+            self._renew()
 
     @property
     def is_moving(self) -> bool:
