@@ -36,7 +36,7 @@ WORTH_SHOWING = re.compile(r"\[ ?(WARN|ERROR|FATAL)(?!.*KDL does not support a r
 ALONE = 1.0
 ROSLAUNCH = re.compile(r"/roslaunch |/rosmaster ")
 # Where the browser view is: its token is told nowhere else.
-ADDRESS = re.compile(r"open http://\S+|Whoever has this address .*")
+ADDRESS = re.compile(r"open http://\S+|Anyone with this address .*")
 
 
 def say(text):
@@ -218,7 +218,7 @@ def master_runs():
 
 
 def check_master():
-    """Refuse to start beside another simulator."""
+    """Refuse to start next to another simulator."""
     try:
         socket.setdefaulttimeout(3.0)
         _, _, node = master().lookupNode("/demo", SIMULATOR)

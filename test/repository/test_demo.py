@@ -38,13 +38,13 @@ def test_an_unknown_argument_is_told_with_the_most_similar_ones_first():
 
 
 class Running:
-    """A demo without RViz, and the lines that its terminal shows."""
+    """A demo, and the lines that its terminal shows."""
 
-    def __init__(self):
+    def __init__(self, *arguments):
         uri = f"http://localhost:{free_port()}"
         self.environment = {**os.environ, "ROS_MASTER_URI": uri, "DISPLAY": ""}
         self.process = subprocess.Popen(
-            ["/usr/bin/python3", REPOSITORY / "tools" / "demo.py", "rviz:=false"],
+            ["/usr/bin/python3", REPOSITORY / "tools" / "demo.py", *arguments],
             env=self.environment,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
@@ -76,8 +76,9 @@ class Running:
 
 @pytest.mark.slow
 def test_each_mistake_is_shown_below_the_advice():
-    with Running() as demo:
+    with Running("rviz:=false", "web:=true", "host:=0.0.0.0", "port:=0") as demo:
         wait_for(lambda: demo.shows("Ctrl-C ends everything"), "the advice")
+        wait_for(lambda: demo.shows("Anyone with this address"), "who has the token")
         words = "{name: [left_knee], position: [1.2]}"
         command = ["rostopic", "pub", "-r", "20", "/joint_commands"]
         with subprocess.Popen(
