@@ -9,6 +9,7 @@ from checked import assert_as_kept
 from pages import PAGES, ROOT, prose
 
 SOURCES = sorted((ROOT / "src" / "g1_description").rglob("*.py"))
+TOOLS = [file for file in sorted((ROOT / "tools").rglob("*")) if file.is_file()]
 OTHERS = [
     *sorted((ROOT / "launch").glob("*")),
     *(
@@ -18,6 +19,8 @@ OTHERS = [
     ),
     *sorted(ROOT.glob("msg/*.msg")),
     *sorted(ROOT.glob("srv/*.srv")),
+    *(file for file in TOOLS if not file.suffix),
+    *sorted((ROOT / "examples").rglob("*.*")),
 ]
 WORDS = {
     r"\bbears?\b": "is in contact, supports",
@@ -85,7 +88,7 @@ def texts():
         yield page.relative_to(ROOT), code.sub("", prose(page.read_text("utf-8")))
     for file in OTHERS:
         yield file.relative_to(ROOT), file.read_text("utf-8")
-    for file in SOURCES:
+    for file in (*SOURCES, *(file for file in TOOLS if file.suffix == ".py")):
         yield file.relative_to(ROOT), "\n".join(messages(file))
 
 

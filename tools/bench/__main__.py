@@ -142,7 +142,7 @@ class Bench:
     def leave_out(self, text):
         """Keep and print why something is not measured."""
         self.left_out.append(f"{self.part}: {text}")
-        self.say(f"left out: {text}")
+        self.say(f"not measured: {text}")
 
     @contextmanager
     def attempt(self, what):
@@ -760,7 +760,7 @@ def print_table(bench):
         row = f"  {figure.name:58} {figure.words:>18}  {figure.promise:8} {kept}"
         print(row.rstrip())
     for text in bench.left_out:
-        print(f"\nleft out: {text}")
+        print(f"\nnot measured: {text}")
 
 
 def write_json(bench, file):
@@ -789,7 +789,7 @@ def write_page(bench, file):
             lines += ["", f"## {name}", "", inspect.getdoc(part), ""]
             lines += table(titles[:3], own)
     if bench.left_out:
-        lines += ["", "## Left out", ""]
+        lines += ["", "## Not measured", ""]
         lines += [f"- {text}" for text in bench.left_out]
     file.write_text("\n".join(lines) + "\n", encoding="utf-8")
 

@@ -39,7 +39,7 @@ def plan(start, goal, speed):
 
     Args:
         start: Positions by joint, in [rad].
-        goal: Likewise, of the joints to move.
+        goal: Those of the joints to move.
         speed: The largest one of any joint, in [rad/s].
 
     Returns:

@@ -38,7 +38,7 @@ class TestReachPlanner(unittest.TestCase):
         return self.plans.get(timeout=DEADLINE)
 
     def verdict(self, plan):
-        """Judge a plan."""
+        """Check a plan."""
         response = self.check(trajectory=RobotTrajectory(joint_trajectory=plan))
         self.assertTrue(response.success, response.status_message)
         return response
