@@ -8,10 +8,10 @@ SNAPSHOT = ["rosrun", "g1_description", "snapshot"]
 
 with TemporaryDirectory() as folder:
     for name, options in {
-        "squat.png": ["--times", "0,1.4,2.8", "--view", "side"],
-        "squat.gif": ["--size", "160x120", "--fps", "5"],
+        "squat.png": "--times 0,1.4,2.8 --view side --size 900x400",
+        "squat.gif": "--size 160x120 --fps 5",
     }.items():
         file = Path(folder, name)
-        command = [*SNAPSHOT, file, "--motion", "squat.csv", *options]
+        command = [*SNAPSHOT, file, "--motion", "squat.csv", *options.split()]
         subprocess.run(command, check=True, capture_output=True)
         print(f"{name}: {'not ' * (file.stat().st_size < 1000)}written")
