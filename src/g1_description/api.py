@@ -93,7 +93,7 @@ class Robot:
             model: A profile, by its name or folder; a URDF or xacro file, as a path,
                 ``package://PACKAGE/PATH`` or ``file://``, optionally followed by
                 arguments for xacro, as in ``robot.xacro hand=true``; or the text of a
-                URDF, such as the parameter robot_description; or what was read of one.
+                URDF, such as the parameter robot_description; or a ``Description``.
             motors: File of its motors, or the name of others of its profile, such as
                 ``pd``; None: the usual ones of its profile.
             collisions: File of its allowed collisions; None: those of its profile.
