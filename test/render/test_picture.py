@@ -13,10 +13,12 @@ from conftest import REPOSITORY
 from oracle import forward_kinematics
 from scipy.spatial.transform import Rotation
 
+from g1_description.render import scene as scenes
 from g1_description.render.camera import VIEWS, Camera, framing
 from g1_description.render.picture import draw, silhouette
 from g1_description.render.scene import NOTHING, Scene
 from g1_description.robot.urdf import parse_urdf
+from g1_description.sim.meshes.contents import Part
 
 MIDDLE = np.array([0.0, 0.0, 0.66])
 OURS = REPOSITORY / "urdf" / "g1_29dof.urdf"
@@ -82,6 +84,18 @@ def test_an_orthographic_outline_has_the_area_of_the_projection(
     expected = SHAPES[geometry](direction)
     mask = silhouette(scene, camera, 480, 360)
     assert area(mask, camera) == pytest.approx(expected, rel=0.01)
+
+
+@pytest.mark.parametrize("batch", [1, 3, 40_000])
+def test_every_triangle_of_a_mesh_is_drawn(monkeypatch, batch):
+    monkeypatch.setattr(scenes, "BATCH_SIZE", batch)
+    corners = np.random.default_rng(1).normal(size=(7, 3, 3))
+    part = Part(corners, np.ones_like(corners), None)
+    forms = [*scenes._triangles(part, np.array([1.0, 2.0, 0.5]))]
+    drawn = [np.array(form["vertices"])[form["indices"]] for form in forms]
+    assert max(len(vertices) for vertices in drawn) <= 3 * batch
+    wanted = (corners * [1.0, 2.0, 0.5]).reshape(-1, 3)
+    np.testing.assert_array_equal(np.concatenate(drawn), wanted)
 
 
 def test_a_perspective_outline_has_the_area_of_the_cone(scene):
