@@ -551,11 +551,16 @@ class Stepped:
     def reset(self):
         self.calls.append("reset")
 
+    def hang(self, robot, is_on, length):
+        if length > 2.5:
+            raise InvalidValueError("no such length")
+        self.calls.append((robot, is_on, length))
+
 
 @pytest.fixture
 def stepped(server, client, ui):
     simulator = Stepped()
-    panel = SimulatorPanel(server.gui, ui, simulator, read_only=False)
+    panel = SimulatorPanel(server.gui, ui, simulator, "g1", read_only=False)
     yield simulator, panel
     simulator.gate.set()
     wait_for(lambda: not ui.is_busy, "the end")
@@ -594,11 +599,22 @@ def test_as_many_steps_are_done_as_were_wanted(stepped, client, ui):
     assert panel._pause.label == "Go on"
 
 
+def test_the_gantry_hangs_the_robot_and_is_off_after_a_refusal(stepped, client, ui):
+    simulator, panel = stepped
+    client.set("Gantry", True)
+    wait_for(lambda: ui.do_all() or simulator.calls, "the rope")
+    client.set("Rope", 1.5)
+    wait_for(lambda: ui.do_all() or len(simulator.calls) == 2, "a shorter rope")
+    assert simulator.calls == [("g1", True, 2.0), ("g1", True, 1.5)]
+    client.set("Rope", 3.0)
+    wait_for(lambda: ui.do_all() or not panel._hangs.value, "the refusal")
+
+
 def test_a_step_that_fails_is_the_last_one(server):
     simulator = SimpleNamespace(is_paused=True, step=[].index, status=str)
     waiting = []
     ui = SimpleNamespace(on=lambda *_: None, wait_for=waiting.append)
-    panel = SimulatorPanel(server.gui, ui, simulator, read_only=False)
+    panel = SimulatorPanel(server.gui, ui, simulator, "g1", read_only=False)
     panel._steps.value = 1000
     with pytest.raises(ValueError):
         panel._step()
