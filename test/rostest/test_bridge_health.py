@@ -14,6 +14,7 @@ from gazebo_msgs.msg import ModelState
 from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import JointState
 from support.bridge.arm import URDF, arm_states, run_clock, shows
+from support.bridge.process import Bridge
 from support.bridge.watched import Watched
 from support.ros_testing import Connected, Repeated, wait_for
 from support.wire.raw_service import SUCCESS, Gate, Simulator, refusal
@@ -97,6 +98,14 @@ class TestBridgeHealth(unittest.TestCase):
         ]
         return {value.key: value.value for value in last.values}
 
+    def test_1_a_bridge_without_a_simulator_warns_in_each_part(self):
+        bridge = Bridge(
+            "_gazebo:=/none/gazebo", "_model_name:=arm", name="/none/bridge"
+        )
+        self.addCleanup(bridge.kill)
+        self.wait_for(LINK_STATES, WARN, "no valid message on", bridge=bridge)
+        self.wait_for(JOINTS, WARN, "no link states arrive", bridge=bridge)
+
     def test_2_refused_commands_are_a_warning_until_one_is_obeyed(self):
         self.simulator.answers = lambda model: refusal("not today")
         self.command(elbow=0.1)
@@ -153,7 +162,6 @@ class TestBridgeHealth(unittest.TestCase):
         )
         self.addCleanup(watched.bridge.kill)
         self.addCleanup(watched.close)
-        self.wait_for(LINK_STATES, WARN, "no valid message on", bridge=watched.bridge)
         gate = Gate()
         self.addCleanup(gate.open)
         simulator.answers = lambda m: gate(m) if m == "two" else SUCCESS
