@@ -450,6 +450,9 @@ def test_links_that_collide_are_red(page):
         ),
         "a sentence on it",
     )
+    for is_checked, links in ((False, set()), (True, {"left_arm", "right_arm"})):
+        client.set("Checks", is_checked)
+        client.wait_for(lambda now=links: red() == now, f"the links {links} in red")
     client.set("left_elbow", 0.0)
     client.wait_for(lambda: not red(), "links in their own colours")
 

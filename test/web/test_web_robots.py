@@ -155,6 +155,9 @@ def test_a_motion_ends_at_its_last_sample():
     wait_for(lambda: player.time == player.end, "the end")
     world.tick()
     assert elbow(world.robots[0]) == pytest.approx(0.1)
+    assert player.is_running, "until it is told to rest"
+    player.rest()
+    assert (player.is_running, player.time) == (False, player.end)
 
 
 def test_two_motions_are_in_step():
