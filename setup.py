@@ -13,7 +13,7 @@ from setuptools import find_packages, setup
 SHARE = Path("share", "g1_description")
 """Where the robot and its files lie below the prefix, as catkin installs them."""
 
-EXTRAS = {"mujoco"}
+EXTRAS = {"mujoco": ("mujoco", "etils", "fsspec", "importlib-resources", "zipp")}
 """Libraries that are installed on request: pip install .[mujoco]."""
 
 ROS_ONLY = {"python3-rospkg", "python3-setuptools"}
@@ -29,14 +29,15 @@ LINES = Path("requirements.txt").read_text(encoding="utf-8").splitlines()
 PINNED = [line.partition("#")[0].strip() for line in LINES]
 
 
-def is_extra(requirement):
-    """Return whether a requirement is installed on request."""
-    return requirement.partition("==")[0] in EXTRAS
+def extras(names):
+    """List the pinned ones of some libraries."""
+    return [pin for pin in PINNED if pin.partition("==")[0] in names]
 
 
 def requirements():
     """List what is imported: from PyPI in any case, and what ROS' machines have."""
-    pinned = [pin for pin in PINNED if not is_extra(pin)]
+    optional = {pin for names in EXTRAS.values() for pin in extras(names)}
+    pinned = [pin for pin in PINNED if pin not in optional]
     others = {element.text for element in MANIFEST.findall("exec_depend")} - ROS_ONLY
     prefix = "python3-"  # the names behind it are those of PyPI
     free = sorted(name[len(prefix) :] for name in others if name.startswith(prefix))
@@ -60,7 +61,7 @@ setup(
     maintainer_email=MANIFEST.find("maintainer").get("email"),
     python_requires=">=3.8",
     install_requires=requirements(),
-    extras_require={pin.partition("==")[0]: [pin] for pin in PINNED if is_extra(pin)},
+    extras_require={extra: extras(names) for extra, names in EXTRAS.items()},
     packages=find_packages("src"),
     package_dir={"": "src"},
     package_data={"g1_description.web.server": ["script.js"]},
