@@ -18,6 +18,7 @@ from g1_description.motion.motors import Motors, motors_of
 from g1_description.robot.launch_arguments import ENGINES, PHYSICS
 from g1_description.sim.drives import MAX_EFFORT, Drives, PdCommand
 from g1_description.sim.model import Model
+from g1_description.sim.moving_models import MovingModels, RestDetector
 from g1_description.text import listed
 
 MAX_TIME_STEP = 10.0
@@ -127,8 +128,11 @@ class Engine(ABC):
     It builds bodies from ``Model.assembly``, writes a model's state to them, and sets
     new states by ``Model.set_measured_state``. In ``kinematic`` physics bodies are used
     for contacts only; in ``hold`` motors drive all joints; in ``limp`` joints have only
-    friction and damping. Models without links have no body.
+    friction and damping. Models without links have no body. A world at rest sleeps:
+    steps are skipped until the next write.
     """
+
+    _moving: MovingModels
 
     def __init__(
         self,
@@ -144,6 +148,7 @@ class Engine(ABC):
         self.properties = properties
         self._given_motors = motors
         self._drives: dict[str, Drives] = {}
+        self._rest = RestDetector()
 
     @property
     def is_dynamic(self) -> bool:
@@ -224,13 +229,27 @@ class Engine(ABC):
     def rebuild(self, models: Iterable[Model]) -> None:
         """Build all models again, independent of past states."""
 
-    @abstractmethod
     def step(self) -> None:
-        """Compute one time step; ``update_models`` applies it to the models."""
+        """Compute one time step, unless the world sleeps.
+
+        ``update_models`` applies it to the models.
+        """
+        if not self._rest.is_resting:
+            self._step()
+            self._moving.read()
 
     @abstractmethod
+    def _step(self) -> None:
+        """Compute one time step, and keep ``_moving`` up to date."""
+
     def update_models(self) -> None:
         """Set the models' states to those of the last step."""
+        if self._rest.is_resting:
+            return
+        self._moving.update_models()
+        self._rest.update(self._moving.speed, self.properties.time_step)
+        if self._rest.is_resting:
+            self._moving.stop()
 
     @abstractmethod
     def write(self, model: Model) -> None:

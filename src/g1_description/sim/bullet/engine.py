@@ -23,14 +23,14 @@ from g1_description.sim.bullet.create_body import (
 from g1_description.sim.engine import Engine, PhysicsProperties
 from g1_description.sim.meshes.shapes import find_meshes
 from g1_description.sim.model import Model, States
-from g1_description.sim.moving_models import MovingModels, RestDetector
+from g1_description.sim.moving_models import MovingModels
 
 
 class BulletEngine(Engine):
     """PyBullet behind a world.
 
-    A world at rest sleeps: steps are skipped until the next write. In ``kinematic``
-    physics bodies follow their models only when contacts are requested.
+    In ``kinematic`` physics bodies follow their models only when contacts are
+    requested.
     """
 
     def __init__(
@@ -43,7 +43,6 @@ class BulletEngine(Engine):
         self._client = connect()
         self._bodies: dict[str, tuple[Body, ...]] = {}
         self._moved: dict[str, Model] = {}
-        self._rest = RestDetector()
         self._begin()
 
     def _begin(self) -> None:
@@ -211,10 +210,8 @@ class BulletEngine(Engine):
             body.update_gravity()
         self._is_sorted = False
 
-    def step(self) -> None:
-        """Compute one time step, unless the world sleeps."""
-        if self._rest.is_resting:
-            return
+    def _step(self) -> None:
+        """Compute one time step."""
         self._sort()
         for body in self._weightless:
             body.compensate_gravity(self.properties.gravity)
@@ -222,16 +219,6 @@ class BulletEngine(Engine):
             body.apply_drives()
         self._depenetration.apply(self._by_number, self.properties)
         self._client.stepSimulation()
-        self._moving.read()
-
-    def update_models(self) -> None:
-        """Give the models the states that the step has computed."""
-        if self._rest.is_resting:
-            return
-        self._moving.update_models()
-        self._rest.update(self._moving.speed, self.properties.time_step)
-        if self._rest.is_resting:
-            self._moving.stop()
 
     def _sort(self) -> None:
         """Sort the bodies for a step, if they have changed."""

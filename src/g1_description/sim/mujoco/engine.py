@@ -15,7 +15,7 @@ from g1_description.robot.rotation import conjugate, cross, rotate, to_axes
 from g1_description.sim.engine import Engine, PhysicsProperties
 from g1_description.sim.meshes.shapes import Mesh, find_meshes
 from g1_description.sim.model import Model, States
-from g1_description.sim.moving_models import MovingModels, RestDetector
+from g1_description.sim.moving_models import MovingModels
 from g1_description.sim.mujoco.mjcf import WorldFile
 
 MAX_DEPENETRATION_SPEED = 0.3
@@ -58,8 +58,8 @@ class _Rows:
 class MujocoEngine(Engine):
     """MuJoCo behind a world.
 
-    A world at rest sleeps, as with PyBullet. The world is compiled again, from the
-    states of its models, for the first step or query after models came or went.
+    The world is compiled again, from the states of its models, for the first step or
+    query after models came or went.
     """
 
     def __init__(
@@ -70,7 +70,6 @@ class MujocoEngine(Engine):
     ) -> None:
         super().__init__(physics, properties, motors)
         self._models: dict[str, tuple[Model, Mapping[str, Mesh]]] = {}
-        self._rest = RestDetector()
         self._is_compiled = False
         self._forces: list[tuple[Model, str, np.ndarray]] = []
         self._joint_efforts: list[tuple[Model, int, float]] = []
@@ -132,7 +131,7 @@ class MujocoEngine(Engine):
                 self._add_drives(model)
         self._forces.clear()
         self._joint_efforts.clear()
-        self._rest = RestDetector()
+        self._rest.wake()
         self._is_compiled = False
 
     def _compile(self) -> None:
@@ -177,6 +176,7 @@ class MujocoEngine(Engine):
             limits = np.stack([-drives.limits, drives.limits], axis=1)
             model.actuator_forcerange[rows.actuators] = limits
             self._write_driven(rows)
+        self._find_servos()
         mujoco.mj_setConst(model, self._data)
 
     def _write_driven(self, rows: _Rows) -> None:
@@ -194,13 +194,17 @@ class MujocoEngine(Engine):
         damping = np.where(is_servo, 0.0, drives.damping)
         model.actuator_biasprm[rows.actuators, 1] = -stiffness
         model.actuator_biasprm[rows.actuators, 2] = -damping
+        self._write_targets(rows)
+
+    def _find_servos(self) -> None:
+        """Find the servos among the constraints."""
+        model = self._model
         # MuJoCo has a constraint for each degree of freedom with friction.
         with_friction = np.flatnonzero(model.dof_frictionloss > 0.0)
         self._servos = np.flatnonzero(self._is_servo[with_friction])
         self._servo_dofs = with_friction[self._servos]
         self._servo_places = model.jnt_qposadr[model.dof_jntid[self._servo_dofs]]
         self._servo_gains = self._gains[:, self._servo_dofs]
-        self._write_targets(rows)
 
     def _write_targets(self, rows: _Rows) -> None:
         """Write the targets of a model's joints."""
@@ -285,6 +289,7 @@ class MujocoEngine(Engine):
         found = self._changed(model)
         if found is not None:
             self._write_driven(found)
+            self._find_servos()
 
     def _update_targets(self, model: Model, rows: np.ndarray) -> None:
         """Apply the targets of some joints."""
@@ -341,10 +346,8 @@ class MujocoEngine(Engine):
 
     # --- steps ---
 
-    def step(self) -> None:
-        """Compute one time step, unless the world sleeps."""
-        if self._rest.is_resting:
-            return
+    def _step(self) -> None:
+        """Compute one time step."""
         self._compile()
         model, data = self._model, self._data
         self._apply_forces()
@@ -355,7 +358,6 @@ class MujocoEngine(Engine):
         mujoco.mj_step2(model, data)
         data.xfrc_applied[:] = 0.0
         data.qfrc_applied[:] = 0.0
-        self._moving.read()
 
     def _apply_forces(self) -> None:
         """Write the forces of this step."""
@@ -399,15 +401,6 @@ class MujocoEngine(Engine):
         if is_fast.any():
             data.efc_aref[rows] -= np.where(is_fast, excess, 0.0)
 
-    def update_models(self) -> None:
-        """Give the models the states that the step has computed."""
-        if self._rest.is_resting:
-            return
-        self._moving.update_models()
-        self._rest.update(self._moving.speed, self.properties.time_step)
-        if self._rest.is_resting:
-            self._moving.stop()
-
     # --- joints, forces and contacts ---
 
     def efforts(self, model: Model) -> np.ndarray:
@@ -442,6 +435,7 @@ class MujocoEngine(Engine):
         if "damping" in given:
             self._drives[model.name].joint_damping[row] = given["damping"]
             self._write_driven(rows)
+            self._find_servos()
         if "loStop" in given or "hiStop" in given:
             low, high = self._model.jnt_range[joint]
             self._model.jnt_range[joint] = (
