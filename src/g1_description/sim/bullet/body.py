@@ -181,7 +181,7 @@ class Body:
         drives = self._drives
         own = [row for row in rows.tolist() if row in self._own]
         servos = [row for row in own if drives.is_servo[row]]
-        self._slack = [row for row in self.rows if not drives.is_servo[row]]
+        self._find_slack()
         if len(servos) < len(own):
             loose = [row for row in own if not drives.is_servo[row]]
             self._slow_down(loose, np.zeros(len(loose)))
@@ -196,6 +196,14 @@ class Body:
                 positionGains=drives.position_gains[servos],
                 velocityGains=drives.velocity_gains[servos],
             )
+
+    def _find_slack(self) -> None:
+        """Find the joints without a servo, and what acts on them in each step."""
+        drives = self._drives
+        self._slack = [row for row in self.rows if not drives.is_servo[row]]
+        resistance = drives.friction + drives.joint_damping
+        self._is_damped = bool(resistance[self._slack].any())
+        self._is_driven = not drives.is_idle
 
     def apply_effort(self, row: int, effort: float) -> None:
         """Apply an effort to a joint of the model, if it belongs to this tree."""
@@ -215,13 +223,14 @@ class Body:
         slack, drives, model = self._slack, self._drives, self.model
         if not slack:
             return
-        speed = np.abs(model.velocity[slack])
-        efforts = drives.friction[slack] + drives.joint_damping[slack] * speed
-        # A motor keeps its force until it is set again.
-        is_damped = bool(efforts.any())
-        if is_damped or self._was_damped:
+        if self._is_damped or self._was_damped:  # a motor keeps its force until then
+            speed = np.abs(model.velocity[slack])
+            efforts = drives.friction[slack] + drives.joint_damping[slack] * speed
             self._slow_down(slack, efforts)
-        self._was_damped = is_damped
+        self._was_damped = self._is_damped
+        if not self._is_driven:
+            self.applied = np.zeros(len(self.rows))
+            return
         self.applied = drives.efforts(model.position, model.velocity)[self.rows]
         for own in np.flatnonzero(self.applied).tolist():
             self.apply_effort(self.rows[own], self.applied[own])
@@ -240,6 +249,7 @@ class Body:
             return
         if "damping" in given:
             self._drives.joint_damping[row] = given["damping"]
+            self._find_slack()
         if "loStop" in given or "hiStop" in given:  # PyBullet needs both
             lower = float(self.model.lower[row])
             upper = float(self.model.upper[row])
