@@ -71,6 +71,10 @@ def test_an_empty_file_has_no_motors(file):
             "knee: {torque: 5}",
             "unknown key torque of 'knee', which is of kind servo. Known keys: kind",
         ),
+        (
+            "knee: {kind: [pd]}",
+            "the kind of 'knee' must be one of servo, pd (got ['pd'])",
+        ),
         ("knee: {effort: -1}", "effort of 'knee' must be a number at least 0 (got -1)"),
         ("knee: {effort: .nan}", "effort of 'knee' must be a number at least 0"),
         ("knee: {effort: true}", "effort of 'knee' must be a number at least 0"),

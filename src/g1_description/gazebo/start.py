@@ -17,8 +17,9 @@ from g1_description.files.model_files import find_model
 from g1_description.files.xml import decoded
 from g1_description.gazebo.parameters import INITIAL, GazeboParameters, place_robot
 from g1_description.gazebo.services.spawn import log_hulls
-from g1_description.motion.motors import Motors, is_name, named_motors, read_motors
+from g1_description.motion.motors import Motors, named_motors, read_motors
 from g1_description.robot.assembly import Assembly
+from g1_description.robot.profile import is_name
 from g1_description.ros.master import SLAVE_API_ERRORS, slave_api_of
 from g1_description.ros.parameters import private_parameters
 from g1_description.sdf.world import EMPTY_WORLD, Sdf, read_sdf
@@ -86,13 +87,11 @@ def make_world(parameters: GazeboParameters) -> tuple[World, GazeboParameters]:
     physics, notes = _physics(content, parameters)
     properties = replace(parameters.properties, **physics)
     parameters = replace(parameters, properties=properties)
-    motors: Motors | str = ""
+    motors: Motors | str | None = None
     if parameters.physics == "hold":
         given = parameters.motors
-        motors = given if is_name(given) else given and read_motors(Path(given))
-    world = World(
-        parameters.physics, properties, content, motors or None, parameters.engine
-    )
+        motors = read_motors(Path(given)) if given and not is_name(given) else given
+    world = World(parameters.physics, properties, content, motors, parameters.engine)
     for line in (*notes, *world.left_out):
         rospy.logwarn("%s: %s", parameters.world, line)
     own = private_parameters()

@@ -112,11 +112,6 @@ def motors_of(robot: Description, name: str = "") -> Motors:
     return read_motors(file) if file else Motors()
 
 
-def is_name(given: str) -> bool:
-    """Return whether a user's word for motors is a name, not a file."""
-    return re.fullmatch(r"\w+", given) is not None
-
-
 def named_motors(profile: Profile, name: str) -> Path:
     """Find the file of a profile's motors ``name``, beside that of its usual ones.
 
@@ -160,16 +155,15 @@ def _pattern(key: object) -> str:
 
 def _motor(key: object, value: object) -> Motor:
     """Read an entry."""
-    numbers = dict(value) if isinstance(value, dict) else {}
-    kind = numbers.pop("kind", "servo")
+    if not isinstance(value, dict):
+        known = listed([field.name for field in fields(ServoMotor)])
+        raise MotorFileError(f"'{key}' must map {known} to numbers (got {value!r})")
+    numbers = dict(value)
+    kind = str(numbers.pop("kind", "servo"))
     if kind not in KINDS:
         known = listed(KINDS)
         raise MotorFileError(f"the kind of '{key}' must be one of {known} (got {kind})")
     names = [field.name for field in fields(KINDS[kind])]
-    if not isinstance(value, dict):
-        raise MotorFileError(
-            f"'{key}' must map {listed(names)} to numbers (got {value!r})"
-        )
     unknown = [str(name) for name in numbers if name not in names]
     if unknown:
         known = listed(["kind", *names])

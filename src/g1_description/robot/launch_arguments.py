@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from xml.etree import ElementTree
@@ -13,7 +12,7 @@ from g1_description.bounds import MAX_PORT
 from g1_description.errors import InvalidValueError, UnknownNameError
 from g1_description.files.model_files import PACKAGE, share_folder
 from g1_description.robot.description import Description
-from g1_description.robot.profile import FILE
+from g1_description.robot.profile import FILE, is_name
 from g1_description.text import listed, similar_first
 
 PHYSICS = ("kinematic", "hold", "limp")
@@ -78,9 +77,9 @@ def check_arguments(given: Mapping[str, str]) -> None:
             f"{given['rate']})."
         )
     for name in FILES:
-        is_word = name == "motors" and re.fullmatch(r"\w+", given.get(name, ""))
-        if given.get(name) and not is_word:
-            _check_file(name, Path(given[name]))
+        file = given.get(name)
+        if file and not (name == "motors" and is_name(file)):
+            _check_file(name, Path(file))
     _check_profile(given.get("robot", ""))
     _check_port(given.get("port", "0"))
     _check_base(given.get("base", ""))

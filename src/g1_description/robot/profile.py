@@ -123,6 +123,11 @@ def is_profile(requested: str) -> bool:
     return not is_file and (is_named or path.is_dir())
 
 
+def is_name(given: str) -> bool:
+    """Return whether a user's word for a file of a profile is a name, not a path."""
+    return re.fullmatch(r"\w+", given) is not None
+
+
 def user_folder() -> Path:
     """Return the folder of the user's profiles, which need not exist."""
     return ros_home() / PACKAGE / "robots"
