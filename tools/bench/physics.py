@@ -76,7 +76,7 @@ def _settled(bench, engine, physics, fixed, moved):
                 world.engine.follow(model, rows, np.full(2, turn), np.zeros(2))
             world.step()
             # Else it sleeps.
-            world.engine.write_joints(model, ())
+            world.engine.apply_effort(model, 0, 0.0)
 
     advance(bench.length(4000, 1500))
     return advance
