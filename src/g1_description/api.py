@@ -24,7 +24,7 @@ from g1_description.motion.files.conventions import JOINT_ORDERS
 from g1_description.motion.files.formats import read_motion, write_motion
 from g1_description.motion.mirror import mirrored
 from g1_description.motion.motion import UNIT_TOLERANCE, Motion, fitted
-from g1_description.motion.motors import is_name, motors_of, named_motors
+from g1_description.motion.motors import motors_of, named_motors
 from g1_description.motion.paths import motion_path
 from g1_description.robot.assembly import WORLD, base_of, root_in_base
 from g1_description.robot.description import Description, Joint
@@ -32,8 +32,8 @@ from g1_description.robot.dynamics import (
     Masses,
     RobotMotion,
     inverse_dynamics,
-    link_jacobian,
 )
+from g1_description.robot.jacobians import Jacobians
 from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.load import read_description
 from g1_description.robot.poses import (
@@ -45,7 +45,7 @@ from g1_description.robot.poses import (
     pose_positions,
     read_poses,
 )
-from g1_description.robot.profile import DEFAULT
+from g1_description.robot.profile import DEFAULT, is_name
 from g1_description.robot.rotation import cross, normalized
 from g1_description.robot.transform import IDENTITY, compose
 from g1_description.robot.urdf import parse_urdf
@@ -252,10 +252,11 @@ class Robot:
         """
         row = self.link_row(link)
         roots, placed = self._placed(positions, base)
-        found = link_jacobian(self._kinematics, roots, placed, row)
+        jacobians = Jacobians(self._kinematics, roots, placed)
+        found = jacobians.of_links([row])[..., 0, :, :]
         # Convert the columns of the root to those of the base.
         base_row = self.link_names.index(self.base_link)
-        bases = self._kinematics.link_poses(roots, placed)[..., base_row, :3]
+        bases = jacobians.link_poses[..., base_row, :3]
         lever = (roots[..., :3] - bases)[..., np.newaxis, :]
         shift = cross(np.eye(3), lever)
         found[..., :3, 3:6] += np.swapaxes(shift, -1, -2)

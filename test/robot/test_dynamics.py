@@ -12,10 +12,9 @@ from g1_description.errors import DescriptionError
 from g1_description.robot.dynamics import (
     Masses,
     RobotMotion,
-    center_of_mass_jacobian,
     inverse_dynamics,
-    link_jacobian,
 )
+from g1_description.robot.jacobians import Jacobians
 from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.rotation import normalized
 from g1_description.robot.urdf import parse_urdf
@@ -106,7 +105,8 @@ def test_any_chain_has_pinocchios_frames_and_jacobians(chain, pose, seed):
     q = oracle.configuration(pose, positions)
     pinocchio.computeJointJacobians(oracle.model, oracle.data, q)
     pinocchio.updateFramePlacements(oracle.model, oracle.data)
-    kinematics = Kinematics(robot)
+    rows = np.arange(len(robot.link_names))
+    jacobians = Jacobians(Kinematics(robot), pose, positions).of_links(rows)
     columns = [*range(6), *(6 + n for n in oracle.order)]
     turn = pinocchio.Quaternion(*pose[[6, 3, 4, 5]]).toRotationMatrix()
     to_root = np.kron(np.eye(2), turn)
@@ -118,7 +118,7 @@ def test_any_chain_has_pinocchios_frames_and_jacobians(chain, pose, seed):
             frame,
             pinocchio.ReferenceFrame.LOCAL_WORLD_ALIGNED,
         )
-        found = link_jacobian(kinematics, pose, positions, row)[:, columns]
+        found = jacobians[row][:, columns]
         found[:, :6] = found[:, :6] @ to_root
         np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-9)
 
@@ -128,7 +128,8 @@ def test_the_center_of_mass_jacobian_is_pinocchios():
     pose, positions = motion.T_world_root[0], motion.positions[0]
     q = oracle.configuration(pose, positions)
     wanted = pinocchio.jacobianCenterOfMass(oracle.model, oracle.data, q)
-    found = center_of_mass_jacobian(Kinematics(robot), Masses(robot), pose, positions)
+    jacobians = Jacobians(Kinematics(robot), pose, positions)
+    found = jacobians.of_center_of_mass(Masses(robot))
     turn = pinocchio.Quaternion(*pose[[6, 3, 4, 5]]).toRotationMatrix()
     found = found[:, [*range(6), *(6 + n for n in oracle.order)]]
     found[:, :6] = found[:, :6] @ np.kron(np.eye(2), turn)
