@@ -47,7 +47,7 @@ from g1_description.robot.poses import (
 )
 from g1_description.robot.profile import DEFAULT, is_name
 from g1_description.robot.rotation import cross, normalized
-from g1_description.robot.transform import IDENTITY, compose
+from g1_description.robot.transform import IDENTITY, compose, inverse
 from g1_description.robot.urdf import parse_urdf
 from g1_description.sim.padding import padded
 from g1_description.sim.standing import on_floor
@@ -58,6 +58,11 @@ if TYPE_CHECKING:
     from g1_description.checks.comparison import Comparison
     from g1_description.checks.verdict import Verdict
     from g1_description.collisions.self_collisions import Contacts, SelfCollisions
+    from g1_description.ik.inverse_kinematics import (
+        IkPath,
+        IkResult,
+        InverseKinematics,
+    )
     from g1_description.msg import RobotTrajectory
 
 Seed = Union[int, np.random.Generator, None]
@@ -255,9 +260,8 @@ class Robot:
         jacobians = Jacobians(self._kinematics, roots, placed)
         found = jacobians.of_links([row])[..., 0, :, :]
         # Convert the columns of the root to those of the base.
-        base_row = self.link_names.index(self.base_link)
-        bases = jacobians.link_poses[..., base_row, :3]
-        lever = (roots[..., :3] - bases)[..., np.newaxis, :]
+        bases = compose(roots, inverse(self._root_in_base))
+        lever = (roots - bases)[..., np.newaxis, :3]
         shift = cross(np.eye(3), lever)
         found[..., :3, 3:6] += np.swapaxes(shift, -1, -2)
         return found
@@ -270,6 +274,101 @@ class Robot:
             G1DescriptionError: If positions or base are invalid.
         """
         return self._masses.robot_center(self.forward_kinematics(positions, base))
+
+    def ik(
+        self,
+        targets: Mapping[str, Any],
+        start: JointValues | None = None,
+        base: Any = None,
+        hold: Collection[str] | None = None,
+        balance: bool = False,
+        collisions: bool = False,
+        base_motion: str | None = None,
+        weights: Mapping[str, float] | None = None,
+    ) -> IkResult:
+        """Search a configuration in which links are where they should be.
+
+        Args:
+            targets: Poses x y z and quaternion x y z w, or only positions x y z, in the
+                world, of links by their names or their roles in the profile, such as
+                ``left_hand``.
+            start: Positions at which the search begins, clipped to the limits; the
+                result is near them where targets leave a choice. None: neutral ones.
+            base: Pose of the base link at the start.
+            hold: Names or roles of links that stay where they are at the start; None:
+                the profile's feet, as far as they have no target.
+            balance: Whether the centre of mass must be above the held links that stand
+                on the floor, by a centimetre.
+            collisions: Whether links that are checked for collisions keep 2 mm apart.
+            base_motion: How the base moves: ``free``, ``planar`` (along and about the
+                floor) or ``fixed``; None: free if a link is held, else fixed.
+            weights: Of targets by name, by default 1; infinite: the others must not
+                disturb it, as with held links.
+
+        Returns:
+            The configuration. If not all can be reached it is the nearest one found,
+            ``reached`` is False and ``message`` tells the distances.
+
+        Raises:
+            G1DescriptionError: If an argument is invalid.
+        """
+        from g1_description.ik.inverse_kinematics import IkOptions
+
+        options = IkOptions(hold, balance, collisions, base_motion, weights)
+        begin, pose = self._start(start, base)
+        return self._inverse_kinematics(collisions).solve(targets, begin, pose, options)
+
+    def ik_path(
+        self,
+        times: Any,
+        targets: Mapping[str, Any],
+        start: JointValues | None = None,
+        base: Any = None,
+        **options: Any,
+    ) -> IkPath:
+        """Make a motion in which links follow targets.
+
+        Args:
+            times: Of the samples in [s], increasing, shape (n_samples,).
+            targets: As for ``ik``, in each sample, shapes (n_samples, 7) or
+                (n_samples, 3).
+            start: As for ``ik``: where the search for the first sample begins.
+            base: The same.
+            options: ``hold``, ``balance``, ``collisions``, ``base_motion`` and
+                ``weights`` of ``ik``; links are held where they are at the start.
+
+        Returns:
+            The motion, whose joints keep to their limits of position and velocity, and
+            a result for each sample.
+
+        Raises:
+            G1DescriptionError: If an argument is invalid.
+        """
+        from g1_description.ik.inverse_kinematics import IkOptions
+
+        own, kept = np.array(times, dtype=float), IkOptions(**options)
+        begin, pose = self._start(start, base)
+        return self._inverse_kinematics(kept.collisions).path(
+            own, targets, begin, pose, kept
+        )
+
+    def _start(
+        self, start: JointValues | None, base: Any
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the configuration at which inverse kinematics begins."""
+        begin = self.positions(self.neutral if start is None else start)
+        if begin.ndim != 1:
+            raise InvalidValueError(
+                f"The start must be a single configuration (got shape {begin.shape})."
+            )
+        return begin, IDENTITY if base is None else one_pose(base)
+
+    def _inverse_kinematics(self, collisions: bool) -> InverseKinematics:
+        from g1_description.ik.inverse_kinematics import InverseKinematics
+        from g1_description.ik.solver import IkSolver
+
+        shapes = self._usual_checker.collisions if collisions else None
+        return InverseKinematics(self.description, IkSolver(self.description, shapes))
 
     def inverse_dynamics(
         self,

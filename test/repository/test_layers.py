@@ -27,8 +27,9 @@ BELOW = {
     "sim": SIM,
     "collisions": SIM,
     "checks": SIM | {"collisions"},
+    "ik": CHECKS,
     "render": CHECKS,
-    "api": CHECKS | {"render", "ros"},
+    "api": CHECKS | {"ik", "render", "ros"},
     "importer": CHECKS | {"render"},
     "ros": CHECKS | {"render"},
     "bridge": ROS,
@@ -53,6 +54,7 @@ ONE_MODULE = {
     "pybullet_utils": "sim.bullet.client",
     "resource": "sim.meshes.read_meshes",
     "distributed": "checks.cluster",
+    "daqp": "ik.solver",
     "tqdm": "cli.progress",
 }
 """Libraries that few modules import."""

@@ -1,0 +1,403 @@
+"""Whole-body inverse kinematics of a robot: targets by name, results, motions."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from g1_description.bounds import NORM_TOLERANCE
+from g1_description.checks.support import Corners, support_polygon
+from g1_description.errors import InvalidValueError, UnknownNameError
+from g1_description.ik.search import STARTS, descend, search
+from g1_description.ik.solver import (
+    HARD,
+    TOLERANCE,
+    Bounds,
+    Configuration,
+    IkSolver,
+    LinkTask,
+    View,
+)
+from g1_description.motion.motion import Motion
+from g1_description.robot.assembly import WORLD, root_in_base
+from g1_description.robot.description import Description
+from g1_description.robot.launch_arguments import FEET
+from g1_description.robot.rotation import normalized, rotate
+from g1_description.robot.transform import compose, inverse
+from g1_description.sim.standing import outlines
+from g1_description.text import listed, similar_first
+
+ROTATION_WEIGHT = 0.3
+"""Weight of errors of rotation in [rad], against those of position in [m]."""
+
+SOLE = 0.01
+"""Height above a link's lowest point, and of the lowest held link, up to which it
+stands on the floor, in [m]."""
+
+BALANCE_MARGIN = 0.01
+"""Least distance of the centre of mass from the edges of the support polygon in [m]."""
+
+DISTANCE = 0.002
+"""Least distance of links from each other, in [m]."""
+
+BASES = {
+    "free": np.ones(6),
+    "planar": np.array([1.0, 1.0, 0.0, 0.0, 0.0, 1.0]),
+    "fixed": np.zeros(6),
+}
+"""How the base may move: along and about the world's axes."""
+
+PATH_STEPS = 20
+"""Most steps from one sample of a path to the next."""
+
+
+class TargetError(NamedTuple):
+    """How far a link is from its target."""
+
+    position: float
+    """In [m]."""
+
+    rotation: float | None
+    """In [rad]; None: any rotation will do."""
+
+
+@dataclass(frozen=True)
+class IkOptions:
+    """What a configuration keeps to, besides the limits of joints."""
+
+    hold: Collection[str] | None = None
+    """Links that stay, by name or role; None: the feet of the robot's profile, as far
+    as they have no target."""
+
+    balance: bool = False
+    """Whether the centre of mass must be above the held links that are the lowest."""
+
+    collisions: bool = False
+    """Whether links keep away from each other."""
+
+    base_motion: str | None = None
+    """How the base moves, one of ``BASES``; None: freely if a link is held, else not at
+    all. A base that the robot's file fixes to the world never moves."""
+
+    weights: Mapping[str, float] | None = None
+    """Weights of targets, by default 1; infinite: others must not disturb it."""
+
+
+@dataclass(frozen=True, eq=False)
+class IkResult:
+    """The configuration that inverse kinematics found."""
+
+    positions: np.ndarray
+    """Of the joints in [rad] or [m], within their limits, shape (n_joints,)."""
+
+    base: np.ndarray
+    """Pose of the base link in the world, shape (7,)."""
+
+    errors: Mapping[str, TargetError]
+    """How far links are from their targets, those that are held included."""
+
+    reached: bool
+    """Whether all targets are reached within 1 mm and 0.5 degrees, with balance and
+    distances where these are asked for."""
+
+    steps: int
+    """Number of steps of the solver."""
+
+    message: str
+    """What is not reached, in a sentence; empty if everything is."""
+
+
+@dataclass(frozen=True, eq=False)
+class IkPath:
+    """The motion that inverse kinematics found."""
+
+    motion: Motion
+    """With the base, within limits of positions and velocities."""
+
+    results: tuple[IkResult, ...]
+    """Those of its samples."""
+
+    @property
+    def reached(self) -> bool:
+        """Whether all targets are reached in all samples."""
+        return all(result.reached for result in self.results)
+
+
+@dataclass(frozen=True, eq=False)
+class _Problem:
+    """Targets of a robot in one configuration."""
+
+    start: Configuration
+    names: tuple[str, ...]
+    tasks: tuple[LinkTask, ...]
+    bounds: Bounds
+
+
+class InverseKinematics:
+    """Inverse kinematics of one robot."""
+
+    def __init__(self, description: Description, solver: IkSolver) -> None:
+        """Prepare a robot.
+
+        Args:
+            description: The robot.
+            solver: Of the same robot.
+        """
+        self._description, self._solver = description, solver
+        joints = description.movable_joints
+        self._lower = np.array([joint.lower for joint in joints])
+        self._upper = np.array([joint.upper for joint in joints])
+        self._speed = np.array([joint.velocity for joint in joints])
+        self._shapes = [link for link in description.links if link.name != WORLD]
+        self._links = [link.name for link in self._shapes]
+        self._T_base_root = root_in_base(description)
+        profile = description.given_profile or description.profile
+        self._roles = {r: n for r, n in profile.links.items() if n in self._links}
+
+    def solve(
+        self,
+        targets: Mapping[str, Any],
+        positions: np.ndarray,
+        base: np.ndarray,
+        options: IkOptions,
+        starts: int = STARTS,
+    ) -> IkResult:
+        """Search a configuration.
+
+        Args:
+            targets: Poses, shape (7,), or positions, shape (3,), in the world, of links
+                by name or role.
+            positions: Of the joints at the start, shape (n_joints,).
+            base: Pose of the base link at the start, shape (7,).
+            options: What the configuration keeps to.
+            starts: Most starts; 1: only the given one.
+
+        Raises:
+            UnknownNameError: If a link is unknown.
+            InvalidValueError: If a target is not a pose, or balance has no support.
+        """
+        problem = self._problem(targets, positions, base, options)
+        start, tasks, bounds = problem.start, problem.tasks, problem.bounds
+        view, steps = search(self._solver, start, tasks, bounds, start.position, starts)
+        return self._result(problem, view, steps)
+
+    def path(
+        self,
+        times: np.ndarray,
+        targets: Mapping[str, np.ndarray],
+        positions: np.ndarray,
+        base: np.ndarray,
+        options: IkOptions,
+    ) -> IkPath:
+        """Follow targets that move, without exceeding velocity limits of joints.
+
+        Args:
+            times: Of the samples in [s], increasing, shape (n,).
+            targets: Poses, shape (n, 7), or positions, shape (n, 3), by link.
+            positions: As for ``solve``, before the first sample.
+            base: The same.
+            options: What all configurations keep to; links are held at the start.
+
+        Raises:
+            G1DescriptionError: As for ``solve``, and if lengths do not match.
+        """
+        for name, of in targets.items():
+            if len(of) != len(times):
+                raise InvalidValueError(
+                    f"There are {len(times)} times but {len(of)} targets of {name}."
+                )
+        if len(times) == 0:
+            raise InvalidValueError("A path needs at least one sample (got none).")
+        rows = [
+            {name: of[n] for name, of in targets.items()} for n in range(len(times))
+        ]
+        first = self._problem(rows[0], positions, base, options)
+        posture = first.start.position
+        view, steps = search(
+            self._solver, first.start, first.tasks, first.bounds, posture
+        )
+        results = [self._result(first, view, steps)]
+        for row, duration in zip(rows[1:], np.diff(times)):
+            moved = self._tasks(row, options.weights)
+            tasks = tuple(
+                moved.get(name, task) for name, task in zip(first.names, first.tasks)
+            )
+            now = view.configuration
+            reach = self._speed * duration
+            bounds = replace(
+                first.bounds,
+                lower=np.maximum(self._lower, now.position - reach),
+                upper=np.minimum(self._upper, now.position + reach),
+            )
+            view, steps = descend(
+                self._solver, self._solver.view(now, tasks, bounds), posture, PATH_STEPS
+            )
+            results.append(self._result(replace(first, tasks=tasks), view, steps))
+        motion = Motion(
+            times,
+            tuple(joint.name for joint in self._description.movable_joints),
+            np.array([result.positions for result in results]),
+            base_poses=np.array([result.base for result in results]),
+        )
+        return IkPath(motion, tuple(results))
+
+    def _problem(
+        self,
+        targets: Mapping[str, Any],
+        positions: np.ndarray,
+        base: np.ndarray,
+        options: IkOptions,
+    ) -> _Problem:
+        """Find the tasks and bounds of targets."""
+        start = Configuration(
+            compose(base, self._T_base_root),
+            np.clip(positions, self._lower, self._upper),
+        )
+        poses = self._solver.kinematics.link_poses(*start)
+        moved = self._tasks(targets, options.weights)
+        held = self._held(options.hold, moved)
+        stays = {
+            name: LinkTask(row, poses[row], HARD * _weights(True))
+            for name, row in held.items()
+        }
+        base_motion = options.base_motion or ("free" if held else "fixed")
+        if base_motion not in BASES:
+            raise UnknownNameError(
+                f"base_motion must be one of {listed(BASES)} (got '{base_motion}')."
+            )
+        if self._description.root == WORLD:
+            base_motion = "fixed"
+        bounds = Bounds(
+            self._lower,
+            self._upper,
+            BASES[base_motion],
+            self._support([*held.values()], poses) if options.balance else None,
+            BALANCE_MARGIN,
+            DISTANCE if options.collisions else None,
+        )
+        tasks = {**stays, **moved}
+        return _Problem(start, tuple(tasks), tuple(tasks.values()), bounds)
+
+    def _row(self, name: str) -> int:
+        """Return the row of a link, given by its name or role."""
+        link = name if name in self._links else self._roles.get(name, name)
+        if link not in self._links:
+            known = listed(similar_first(name, [*self._roles, *self._links]))
+            raise UnknownNameError(f"Unknown link '{name}'. Known links: {known}.")
+        return self._links.index(link)
+
+    def _held(
+        self, hold: Collection[str] | None, moved: Mapping[str, LinkTask]
+    ) -> dict[str, int]:
+        """Find the links that stay; those with a target do not."""
+        hold = (hold,) if isinstance(hold, str) else hold
+        names = [r for r in FEET if r in self._roles] if hold is None else hold
+        targets = {task.link for task in moved.values()}
+        rows = {name: self._row(name) for name in names}
+        return {name: row for name, row in rows.items() if row not in targets}
+
+    def _tasks(
+        self, targets: Mapping[str, Any], weights: Mapping[str, float] | None
+    ) -> dict[str, LinkTask]:
+        """Read targets."""
+        unknown = [name for name in weights or {} if name not in targets]
+        if unknown:
+            raise UnknownNameError(
+                f"There is a weight but no target of {listed(unknown)}."
+            )
+        tasks = {}
+        for name, given in targets.items():
+            pose, is_oriented = _pose(name, given)
+            weight = float((weights or {}).get(name, 1.0))
+            if not weight >= 0.0:
+                raise InvalidValueError(
+                    f"The weight of {name} must be a number at least 0 (got {weight})."
+                )
+            factor = min(weight, HARD) * _weights(is_oriented)
+            tasks[name] = LinkTask(self._row(name), pose, factor)
+        return tasks
+
+    def _support(self, held: list[int], poses: np.ndarray) -> Corners:
+        """Find the polygon of the held links that stand on the floor."""
+        points = []
+        for row in held:
+            outline, radii = outlines(self._shapes[row])
+            placed = poses[row, :3] + rotate(poses[row, 3:], outline)
+            placed[:, 2] -= radii
+            points.append(placed)
+        floor = min((placed[:, 2].min() for placed in points), default=0.0) + SOLE
+        low = [placed[placed[:, 2] < floor, :2] for placed in points]
+        corners = support_polygon(np.concatenate(low)) if low else []
+        if len(corners) < 3:
+            raise InvalidValueError(
+                "Balance needs held links that stand on the floor, such as hold="
+                "['left_foot', 'right_foot']."
+            )
+        return corners
+
+    def _result(self, problem: _Problem, view: View, steps: int) -> IkResult:
+        """Tell what was found."""
+        errors = {}
+        for name, task, (position, rotation) in zip(
+            problem.names, problem.tasks, view.errors.tolist()
+        ):
+            has_rotation = bool(task.weights[3:].any())
+            errors[name] = TargetError(position, rotation if has_rotation else None)
+        far = [
+            f"{name} is {_told(error)} from its target"
+            for name, error in errors.items()
+            if error.position > TOLERANCE[0] or (error.rotation or 0.0) > TOLERANCE[1]
+        ]
+        if view.imbalance > TOLERANCE[0]:
+            far.append(
+                f"the centre of mass is {1e3 * view.imbalance:.0f} mm outside of what "
+                "supports the robot"
+            )
+        if view.overlap > TOLERANCE[0]:
+            far.append(f"links are {1e3 * view.overlap:.0f} mm too near to each other")
+        message = f"Not reached: {'; '.join(far)}." if far else ""
+        return IkResult(
+            view.configuration.position,
+            compose(view.configuration.root, inverse(self._T_base_root)),
+            errors,
+            not far,
+            steps,
+            message,
+        )
+
+
+def _weights(is_oriented: bool) -> np.ndarray:
+    """Return the weights of a task, shape (6,)."""
+    return np.repeat([1.0, ROTATION_WEIGHT * is_oriented], 3)
+
+
+def _pose(name: str, given: Any) -> tuple[np.ndarray, bool]:
+    """Read a target; return also whether it has a rotation."""
+    try:
+        numbers = np.array(given, dtype=float)
+    except (TypeError, ValueError):
+        numbers = np.zeros(0)
+    if numbers.shape not in ((3,), (7,)) or not np.isfinite(numbers).all():
+        raise InvalidValueError(
+            f"The target of {name} must be a position x y z, or a pose x y z and "
+            f"quaternion x y z w (got {str(given)[:80]})."
+        )
+    if len(numbers) == 3:
+        return np.concatenate([numbers, [0.0, 0.0, 0.0, 1.0]]), False
+    length = float(np.linalg.norm(numbers[3:]))
+    if abs(length - 1.0) > NORM_TOLERANCE:
+        raise InvalidValueError(
+            f"The quaternion of {name} must have length 1 (got {length:.6g})."
+        )
+    return np.concatenate([numbers[:3], normalized(numbers[3:])]), True
+
+
+def _told(error: TargetError) -> str:
+    """Write an error as text."""
+    text = f"{1e3 * error.position:.3g} mm"
+    if error.rotation is not None:
+        text += f" and {np.degrees(error.rotation):.2g} degrees"
+    return text

@@ -1,0 +1,113 @@
+"""Configurations that reach targets: steps until nothing improves, from many starts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from g1_description.ik.solver import Bounds, Configuration, IkSolver, LinkTask, View
+
+FINE = 0.01
+"""Fraction of the tolerance at which a search ends."""
+
+DAMPING = 1e-3
+"""Damping of a step, relative to the cost."""
+
+PROGRESS = 0.999
+"""Cost after a step, relative to the best one, from which on it is no progress."""
+
+PATIENCE = 12
+"""Steps without progress after which the search from one start ends."""
+
+MAX_STEPS = 100
+"""Most steps from one start."""
+
+STARTS = 16
+"""Number of starts: the given one, then random ones, farther from it each time."""
+
+
+def search(
+    solver: IkSolver,
+    start: Configuration,
+    tasks: Sequence[LinkTask],
+    bounds: Bounds,
+    posture: np.ndarray,
+    starts: int = STARTS,
+) -> tuple[View, int]:
+    """Search a configuration that reaches tasks.
+
+    Args:
+        solver: Of the robot.
+        start: Where the search begins, inside the limits of joints.
+        tasks: The tasks.
+        bounds: What the configuration keeps to.
+        posture: Positions to prefer where tasks leave a choice, shape (n_joints,).
+        starts: Most starts; 1: only the given one.
+
+    Returns:
+        The first configuration within the tolerance, or else the best one, and the
+        number of steps.
+    """
+    best, steps = descend(solver, solver.view(start, tasks, bounds), posture)
+    for begin in _starts(best, start, starts - 1):
+        if best.badness <= 1.0:
+            return best, steps
+        found, more = descend(solver, solver.view(begin, tasks, bounds), posture)
+        best, steps = min(best, found, key=_cost), steps + more
+    if best.badness > 1.0:
+        best, more = _settle(solver, best, posture)
+        steps += more
+    return best, steps
+
+
+def descend(
+    solver: IkSolver, view: View, posture: np.ndarray, most: int = MAX_STEPS
+) -> tuple[View, int]:
+    """Step from one configuration until nothing improves.
+
+    The cost may rise for some steps: links that are held move on an arc at first.
+
+    Args:
+        solver: Of the robot.
+        view: Of the configuration.
+        posture: As for ``search``.
+        most: Most steps.
+
+    Returns:
+        The best configuration, and the number of steps.
+    """
+    best, steps, since = view, 0, 0
+    while best.badness > FINE and since < PATIENCE and steps < most:
+        now = solver.step(view, posture, DAMPING * view.cost)
+        view, steps = solver.view(now, view.tasks, view.bounds), steps + 1
+        since = 0 if view.cost < PROGRESS * best.cost else since + 1
+        best = min(best, view, key=_cost)
+    return best, steps
+
+
+def _settle(solver: IkSolver, view: View, posture: np.ndarray) -> tuple[View, int]:
+    """Step down to the least cost, where targets cannot be reached."""
+    damping, steps = DAMPING * view.cost, 0
+    while damping < view.cost and steps < MAX_STEPS:
+        now = solver.step(view, posture, damping)
+        tried, steps = solver.view(now, view.tasks, view.bounds), steps + 1
+        is_better = tried.cost < view.cost
+        damping *= 0.3 if is_better else 5.0
+        view = tried if is_better else view
+    return view, steps
+
+
+def _cost(view: View) -> float:
+    return view.cost
+
+
+def _starts(view: View, start: Configuration, count: int) -> Iterator[Configuration]:
+    """Vary a start; the same ones each time."""
+    random, bounds = np.random.default_rng(0), view.bounds
+    lower = np.maximum(bounds.lower, start.position - np.pi)
+    upper = np.minimum(bounds.upper, start.position + np.pi)
+    for number in range(1, count + 1):
+        spread = min(1.0, 2.0 * number / count)
+        drawn = random.uniform(lower, upper) - start.position
+        yield Configuration(start.root, start.position + spread * drawn)

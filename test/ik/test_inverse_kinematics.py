@@ -1,0 +1,348 @@
+"""Configurations that inverse kinematics finds."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from robots import chains
+from scipy.spatial.transform import Rotation
+
+from g1_description import Robot
+from g1_description.errors import InvalidValueError, UnknownNameError
+
+FEET = ("left_ankle_roll_link", "right_ankle_roll_link")
+HANDS = ("left_rubber_hand", "right_rubber_hand")
+BASE = np.array([0.0, 0.0, 0.7634, 0.0, 0.0, 0.0, 1.0])
+
+ARM = """
+<robot name="arm">
+  <link name="base"/><link name="upper"/><link name="lower"/><link name="tip"/>
+  <joint name="shoulder" type="revolute">
+    <parent link="base"/><child link="upper"/><axis xyz="0 0 1"/>
+    <limit lower="-2" upper="2" effort="1" velocity="1"/>
+  </joint>
+  <joint name="elbow" type="revolute">
+    <parent link="upper"/><child link="lower"/><axis xyz="0 0 1"/>
+    <origin xyz="1 0 0"/><limit lower="-2" upper="2" effort="1" velocity="1"/>
+  </joint>
+  <joint name="wrist" type="fixed">
+    <parent link="lower"/><child link="tip"/><origin xyz="0.5 0 0"/>
+  </joint>
+</robot>
+"""
+
+SLIDER = """
+<robot name="slider">
+  <link name="rail"/><link name="cart"/>
+  <joint name="x" type="prismatic">
+    <parent link="rail"/><child link="cart"/><axis xyz="1 0 0"/>
+    <limit lower="-1" upper="1" effort="1" velocity="0.5"/>
+  </joint>
+</robot>
+"""
+
+
+@pytest.fixture(scope="module")
+def g1():
+    return Robot()
+
+
+def errors(robot, result, targets):
+    """Measure by forward kinematics how far links are from their targets."""
+    poses = robot.link_poses(result.positions, result.base)
+    found = []
+    for link, target in targets.items():
+        distance = np.linalg.norm(poses[link][:3] - target[:3])
+        turn = 0.0
+        if len(target) == 7:
+            turns = Rotation.from_quat([poses[link][3:], target[3:]])
+            turn = np.linalg.norm((turns[0].inv() * turns[1]).as_rotvec())
+        found.append((distance, turn))
+    return np.array(found)
+
+
+def is_within_limits(robot, positions):
+    return bool(((robot.lower <= positions) & (positions <= robot.upper)).all())
+
+
+def reachable(robot, seed):
+    """Draw poses of both hands that the robot reaches on its feet from ``stand``."""
+    random = np.random.default_rng(seed)
+    start = robot.pose("stand")
+    feet = {link: robot.link_poses(start, BASE)[link] for link in FEET}
+    while True:
+        posture = robot.random_configuration(random)
+        posture[:12] = start[:12]
+        base = BASE.copy()
+        base[:3] += random.uniform([-0.1, -0.1, -0.3], [0.1, 0.1, 0.0])
+        base[3:] = Rotation.from_rotvec(random.uniform(-0.3, 0.3, 3)).as_quat()
+        found = robot.ik({"pelvis": base}, posture, BASE, FEET)
+        if (errors(robot, found, feet) < 1e-4).all():
+            poses = robot.link_poses(found.positions, found.base)
+            return {hand: poses[hand] for hand in HANDS}
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_hands_reach_what_can_be_reached_while_the_feet_stay(g1, seed):
+    start, targets = g1.pose("stand"), reachable(g1, seed)
+    feet = {link: g1.link_poses(start, BASE)[link] for link in FEET}
+    result = g1.ik(targets, start, BASE)
+    assert result.reached
+    assert result.message == ""
+    assert is_within_limits(g1, result.positions)
+    found = errors(g1, result, {**targets, **feet})
+    assert (found < [1e-3, np.radians(0.5)]).all()
+    assert (found[2:] < [1e-4, 1e-3]).all()
+    told = [result.errors[name] for name in (*HANDS, "left_foot", "right_foot")]
+    np.testing.assert_allclose(told, found, rtol=0, atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    "target", [[0.45, 0.25, 0.4], [0.2, 0.6, 1.1], [0.1, 0.6, 0.5], [3.0, 0.0, 0.0]]
+)
+def test_a_balanced_robot_stands_and_does_not_touch_itself(g1, target):
+    start = g1.pose("stand")
+    result = g1.ik({"left_hand": target}, start, BASE, balance=True, collisions=True)
+    assert result.reached == (target[0] < 1.0)
+    only = ("position", "center_of_mass", "self_collision")
+    verdict = g1.check_state(result.positions, result.base, only)
+    assert set(verdict.checked) == set(only)
+    assert verdict.findings == ()
+
+
+def test_balance_makes_a_difference(g1):
+    target = {"left_hand": [0.75, 0.2, 0.8]}
+    start, only = g1.pose("stand"), ("center_of_mass",)
+    free = g1.ik(target, start, BASE)
+    kept = g1.ik(target, start, BASE, balance=True)
+    assert free.reached
+    assert not g1.check_state(free.positions, free.base, only).passed
+    assert g1.check_state(kept.positions, kept.base, only).passed
+
+
+def test_collisions_make_a_difference(g1):
+    target = {"left_hand": [0.0, 0.0, 0.8]}
+    start = g1.pose("stand")
+    through = g1.ik(target, start, BASE)
+    around = g1.ik(target, start, BASE, collisions=True)
+    assert len(g1.collisions(through.positions, through.base).pair)
+    assert not len(g1.collisions(around.positions, around.base).pair)
+
+
+def test_what_cannot_be_reached_leaves_the_feet_and_is_told(g1):
+    start = g1.pose("stand")
+    feet = {link: g1.link_poses(start, BASE)[link] for link in FEET}
+    result = g1.ik({"left_hand": [2.0, 0.3, 0.9]}, start, BASE)
+    assert not result.reached
+    assert (errors(g1, result, feet) < [1e-3, np.radians(0.5)]).all()
+    millimetres = 1e3 * result.errors["left_hand"].position
+    assert result.errors["left_hand"].rotation is None
+    assert result.message == (
+        f"Not reached: left_hand is {millimetres:.0f} mm from its target."
+    )
+
+
+def test_straight_knees_bend(g1):
+    """There the pelvis cannot begin to sink: its Jacobian is singular."""
+    base = np.array([0.0, 0.0, 0.8, 0.0, 0.0, 0.0, 1.0])
+    lower = base - [0.0, 0.0, 0.15, 0.0, 0.0, 0.0, 0.0]
+    result = g1.ik({"pelvis": lower}, None, base)
+    assert result.reached
+    assert result.positions[g1.joint_row("left_knee_joint")] > 0.8
+
+
+def test_the_same_request_has_the_same_answer(g1):
+    targets = reachable(g1, 5)
+    first, second = (g1.ik(targets, g1.pose("stand"), BASE) for _ in range(2))
+    np.testing.assert_array_equal(first.positions, second.positions)
+
+
+def test_a_robot_that_is_where_it_should_be_stays(g1):
+    start = g1.pose("stand")
+    hand = g1.link_poses(start, BASE)["left_rubber_hand"]
+    result = g1.ik({"left_hand": hand}, start, BASE)
+    assert result.steps == 0
+    np.testing.assert_allclose(result.positions, start, rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize(("x", "y"), [(3.0, 0.0), (0.0, -2.0), (2.0, 1.0)])
+def test_an_arm_stretches_towards_what_is_too_far(x, y):
+    result = Robot(ARM).ik({"tip": [x, y, 0.0]}, [0.3, 0.4])
+    assert not result.reached
+    far = np.hypot(x, y) - 1.5
+    assert result.errors["tip"].position == pytest.approx(far, abs=1e-5)
+    wanted = [np.arctan2(y, x), 0.0]
+    np.testing.assert_allclose(result.positions, wanted, rtol=0, atol=5e-3)
+
+
+def test_an_arm_stops_at_its_limits():
+    result = Robot(ARM).ik({"tip": [-1.5, 0.0, 0.0]}, [0.1, 0.1])
+    assert not result.reached
+    assert np.abs(result.positions).max() == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize("angles", [(0.5, 1.0), (-1.5, -0.3), (1.9, 1.9)])
+def test_an_arm_reaches_where_its_angles_say(angles):
+    first, both = angles[0], sum(angles)
+    x = np.cos(first) + 0.5 * np.cos(both)
+    y = np.sin(first) + 0.5 * np.sin(both)
+    result = Robot(ARM).ik({"tip": [x, y, 0.0]}, [0.0, 0.0])
+    assert result.reached
+    assert result.errors["tip"].position < 1e-5
+
+
+def test_a_start_outside_the_limits_is_moved_into_them():
+    result = Robot(ARM).ik({}, [5.0, 0.0])
+    np.testing.assert_array_equal(result.positions, [2.0, 0.0])
+
+
+@pytest.mark.parametrize(("x", "wanted"), [(0.5, 0.5), (2.0, 1.0), (-7.0, -1.0)])
+def test_a_slider_slides(x, wanted):
+    result = Robot(SLIDER).ik({"cart": [x, 0.0, 0.0]})
+    assert result.positions[0] == pytest.approx(wanted, abs=1e-5)
+    assert result.reached == (x == wanted)
+
+
+@pytest.mark.parametrize(
+    ("weights", "wanted"),
+    [
+        (None, 0.5),
+        ({"load": 2.0}, 0.8),
+        ({"cart": 3.0}, 0.1),
+        ({"cart": np.inf}, 1e-4),
+        ({"load": 0.0}, 0.0),
+    ],
+)
+def test_contradictory_targets_are_weighted(weights, wanted):
+    """The least sum of weighted squares is at their mean by squared weights."""
+    load = '<link name="load"/><joint name="f" type="fixed"><parent link="cart"/>'
+    text = SLIDER.replace("</robot>", f'{load}<child link="load"/></joint></robot>')
+    targets = {"cart": [0.0, 0.0, 0.0], "load": [1.0, 0.0, 0.0]}
+    result = Robot(text).ik(targets, [0.3], weights=weights)
+    assert result.positions[0] == pytest.approx(wanted, abs=2e-5)
+    assert result.reached == (weights == {"load": 0.0})
+
+
+@pytest.mark.parametrize("motion", ["fixed", "planar"])
+def test_the_base_moves_as_far_as_it_may(g1, motion):
+    start, target = g1.pose("stand"), [1.2, 0.5, 1.0]
+    result = g1.ik({"left_hand": target}, start, BASE, (), base_motion=motion)
+    assert result.reached == (motion == "planar")
+    if motion == "fixed":
+        np.testing.assert_allclose(result.base, BASE, rtol=0, atol=1e-15)
+    else:
+        np.testing.assert_allclose(result.base[2:5], BASE[2:5], rtol=0, atol=1e-9)
+
+
+def test_a_base_on_the_world_never_moves():
+    text = SLIDER.replace('link name="rail"', 'link name="world"').replace(
+        'link="rail"', 'link="world"'
+    )
+    result = Robot(text).ik({"cart": [0.0, 5.0, 0.0]}, base_motion="free")
+    assert not result.reached
+    assert result.errors["cart"].position == pytest.approx(5.0)
+
+
+def test_a_foot_with_a_target_is_not_held(g1):
+    start = g1.pose("stand")
+    foot = g1.link_poses(start, BASE)["left_ankle_roll_link"].copy()
+    foot[:3] += [0.1, 0.05, 0.1]
+    result = g1.ik({"left_foot": foot}, start, BASE)
+    assert result.reached
+    assert set(result.errors) == {"left_foot", "right_foot"}
+    assert errors(g1, result, {"left_ankle_roll_link": foot})[0, 0] < 1e-3
+
+
+@settings(max_examples=25)
+@given(chains(max_joints=6), st.integers(0, 1000))
+def test_any_robot_keeps_to_its_limits_and_tells_its_distance(chain, seed):
+    text, _ = chain
+    robot, random = Robot(text), np.random.default_rng(seed)
+    link = robot.link_names[-1]
+    target = random.uniform(-5.0, 5.0, 3)
+    result = robot.ik({link: target})
+    assert is_within_limits(robot, result.positions)
+    (distance, _) = errors(robot, result, {link: target})[0]
+    assert result.errors[link].position == pytest.approx(distance, abs=1e-9)
+    assert result.reached == (distance <= 1e-3)
+    np.testing.assert_array_equal(result.base, [0, 0, 0, 0, 0, 0, 1])
+
+
+@settings(max_examples=25)
+@given(chains(max_joints=6), st.integers(0, 1000))
+def test_any_robot_reaches_where_one_of_its_configurations_is(chain, seed):
+    text, _ = chain
+    robot, random = Robot(text), np.random.default_rng(seed)
+    lower = np.where(np.isfinite(robot.lower), robot.lower, -3.0)
+    upper = np.where(np.isfinite(robot.upper), robot.upper, 3.0)
+    link = robot.link_names[-1]
+    target = robot.link_poses(random.uniform(lower, upper))[link][:3]
+    result = robot.ik({link: target})
+    assert result.reached
+    assert errors(robot, result, {link: target})[0, 0] < 1e-3
+
+
+def test_a_path_is_continuous_and_keeps_to_the_speeds(g1):
+    start, times = g1.pose("stand"), np.linspace(0.0, 2.0, 41)
+    turn = np.pi * times
+    circle = np.stack(
+        [0.3 + 0.1 * np.cos(turn), 0.25 + 0.1 * np.sin(turn), 1.0 + 0.0 * turn], axis=1
+    )
+    path = g1.ik_path(times, {"left_hand": circle}, start, BASE, balance=True)
+    assert path.reached
+    motion = path.motion
+    np.testing.assert_array_equal(motion.times, times)
+    speeds = np.abs(np.diff(motion.positions, axis=0)) / np.diff(times)[:, np.newaxis]
+    assert (speeds <= g1.velocity_limits).all()
+    hands = [
+        g1.link_poses(q, base)["left_rubber_hand"][:3]
+        for q, base in zip(motion.positions, motion.base_poses)
+    ]
+    np.testing.assert_allclose(hands, circle, rtol=0, atol=1e-3)
+    steps = np.abs(np.diff(motion.positions, axis=0)).max()
+    assert steps < 0.3
+
+
+def test_a_path_that_is_too_fast_lags_and_catches_up():
+    times = np.linspace(0.0, 4.0, 81)
+    x = np.where(times < 1.0, 0.0, 0.8)
+    targets = np.stack([x, 0.0 * x, 0.0 * x], axis=1)
+    path = Robot(SLIDER).ik_path(times, {"cart": targets})
+    speeds = np.abs(np.diff(path.motion.positions[:, 0])) / 0.05
+    assert speeds.max() == pytest.approx(0.5)
+    assert not path.reached
+    assert [result.reached for result in path.results[:20]] == [True] * 20
+    assert path.results[25].errors["cart"].position > 0.5
+    assert path.results[-1].reached
+
+
+@pytest.mark.parametrize(
+    ("given", "problem"),
+    [
+        ({"targets": {"left_hnad": [0, 0, 0]}}, "Unknown link 'left_hnad'.*left_hand"),
+        ({"targets": {"left_hand": [0, 0]}}, "target of left_hand must be a position"),
+        ({"targets": {"left_hand": [0, 0, np.nan]}}, "target of left_hand must be"),
+        ({"targets": {"left_hand": "up"}}, "target of left_hand must be a position"),
+        ({"targets": {"left_hand": [0] * 7}}, "quaternion of left_hand must have len"),
+        ({"hold": ["foot"]}, "Unknown link 'foot'"),
+        ({"hold": [], "balance": True}, "Balance needs held links"),
+        ({"base_motion": "sideways"}, "must be one of free, planar, fixed .*sideways"),
+        ({"weights": {"head": 2.0}}, "weight but no target of head"),
+        (
+            {"targets": {"head": [0, 0, 1]}, "weights": {"head": -1.0}},
+            "weight of head must be a number at least 0",
+        ),
+        ({"start": np.zeros((2, 29))}, "start must be a single configuration"),
+    ],
+)
+def test_a_wrong_request_is_refused_in_a_sentence(g1, given, problem):
+    request = {"targets": {}, "base": BASE, **given}
+    with pytest.raises((InvalidValueError, UnknownNameError), match=problem):
+        g1.ik(**request)
+
+
+@pytest.mark.parametrize("rows", [0, 3])
+def test_a_path_needs_a_target_per_time(rows):
+    times = np.arange(4.0) if rows else np.zeros(0)
+    with pytest.raises(InvalidValueError, match=r"but 3 targets|at least one sample"):
+        Robot(SLIDER).ik_path(times, {"cart": np.zeros((rows, 3))})
