@@ -108,6 +108,15 @@ def test_a_controller_drives_the_joint_until_it_gets_a_target(make_world, physic
     assert model.velocity[0] == pytest.approx(0.0, abs=1e-6)
 
 
+def test_its_own_motor_takes_the_joint_back_from_a_controllers_effort(make_world):
+    world, model = arm(make_world, ServoMotor())
+    world.drive(model, ["elbow"], command(effort=20.0))
+    world.run(0.01)
+    world.set_joint_positions("arm", {"elbow": 0.0})
+    world.run(0.2)
+    assert world.engine.efforts(model)[0] == pytest.approx(0.0, abs=1e-3)
+
+
 def command_of_two():
     """Give a command with an effort of 3 N m to the first of two joints."""
     zero = np.zeros(2)

@@ -194,6 +194,7 @@ class MujocoEngine(Engine):
         damping = np.where(is_servo, 0.0, drives.damping)
         model.actuator_biasprm[rows.actuators, 1] = -stiffness
         model.actuator_biasprm[rows.actuators, 2] = -damping
+        self._data.ctrl[rows.actuators] = 0.0
         self._write_targets(rows)
 
     def _find_servos(self) -> None:
