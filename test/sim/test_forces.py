@@ -127,6 +127,20 @@ def test_a_link_without_gravity_stays_where_it_is_while_others_fall(make_world):
     assert world.model("falls").pose[2] < 4.0
 
 
+def test_a_world_goes_on_without_its_last_models(make_world):
+    world = make_world("limp")
+    world.delete("ground_plane")
+    world.run(0.003)
+    world.spawn_urdf("light", BODY, np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]))
+    link = world.entities.link("light::body")
+    world.set_link_properties(link, link.link.inertial, False)
+    world.run(0.003)
+    world.delete("light")
+    world.run(0.003)
+    assert world.time_ns == 9 * MS
+    assert world.contacts() == set()
+
+
 def test_a_new_mass_moves_as_such_and_changes_nothing_else(make_world):
     world = make_world("limp", gravity=NOWHERE)
     world.spawn_urdf("pendulum", PENDULUM, np.array([0, 0, 0, 0, 0, 0, 1.0]))

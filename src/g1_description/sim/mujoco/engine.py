@@ -154,9 +154,9 @@ class MujocoEngine(Engine):
         self._is_compiled = True
         self._write_properties()
         self._write_drives()
+        self._find_weightless()
         for model, _ in self._models.values():
             self._write(model)
-            self.update_gravity(model)
             for name in model.ode_joints:
                 self.update_joint(model, name)
         self._prepare_reading()
@@ -447,16 +447,19 @@ class MujocoEngine(Engine):
 
     def update_gravity(self, model: Model) -> None:
         """Apply which links of a model have gravity."""
-        rows = self._changed(model)
-        if rows is not None:
-            self._weightless = {
-                each.bodies[name]: link.inertial.mass
-                for each in self._rows.values()
-                for name, link in each.model.links.items()
-                if link.inertial is not None
-                and not link.has_gravity
-                and name in each.bodies
-            }
+        if self._changed(model) is not None:
+            self._find_weightless()
+
+    def _find_weightless(self) -> None:
+        """Find the links without gravity, and their masses."""
+        self._weightless = {
+            rows.bodies[name]: link.inertial.mass
+            for rows in self._rows.values()
+            for name, link in rows.model.links.items()
+            if link.inertial is not None
+            and not link.has_gravity
+            and name in rows.bodies
+        }
 
     def contacts(self) -> set[tuple[str, str]]:
         """Find the pairs of links that touch or overlap now."""
