@@ -1,14 +1,18 @@
 """Motors of kind pd, and a controller's commands, against mechanics."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from conftest import REPOSITORY
 from worlds import OUR_G1
 
-from g1_description.errors import InvalidValueError
+from g1_description.errors import InvalidValueError, MotorFileError
 from g1_description.motion.motors import Motors, PdMotor, ServoMotor, read_motors
+from g1_description.robot.lumping import lump_fixed_joints
+from g1_description.robot.profile import Profile
+from g1_description.robot.urdf import parse_urdf
 from g1_description.sim.drives import PdCommand
 
 ARM = """<robot name="arm"><link name="world"/><link name="mount"><inertial>
@@ -31,6 +35,12 @@ def arm(make_world, motor, gravity=NOWHERE, physics="hold", **numbers):
     world = make_world(physics, gravity, motors=Motors({".*": motor}))
     world.spawn_urdf("arm", ARM.format(**{**FREE, **numbers}), UP)
     return world, world.model("arm")
+
+
+def arm_with(file):
+    """Give the arm with a profile that has a file of motors."""
+    robot = replace(parse_urdf(ARM.format(**FREE)), given_profile=Profile(motors=file))
+    return lump_fixed_joints(robot)
 
 
 def command(position=0.0, velocity=0.0, stiffness=0.0, damping=0.0, effort=0.0):
@@ -216,3 +226,15 @@ def test_a_model_without_such_motors_has_those_of_its_file(make_world):
     )
     world.run(0.1)
     assert abs(world.model("arm").position[0]) < 1e-6
+
+
+def test_with_a_wrong_file_of_motors_nothing_is_spawned(make_world, file):
+    world = make_world("hold", NOWHERE)
+    motors = file("elbow: {torque: 5}", "motors.yaml")
+    with pytest.raises(MotorFileError, match="unknown key torque"):
+        world.spawn("arm", arm_with(motors), UP)
+    world.step()
+    motors.write_text("elbow: {effort: 5}")
+    world.spawn("arm", arm_with(motors), UP)
+    world.step()
+    assert world.engine.effort_limits(world.model("arm"))[0] == 5.0

@@ -155,6 +155,28 @@ class Engine(ABC):
         """Whether the engine moves models."""
         return self.physics != "kinematic"
 
+    def add(self, model: Model) -> tuple[str, ...]:
+        """Build a model at its state, and set its ``hull_deviations``.
+
+        Returns:
+            A message for each ignored part.
+
+        Raises:
+            DescriptionError: If that fails; nothing is changed.
+        """
+        if not model.link_names:
+            return ()
+        notes = self._add_drives(model)
+        try:
+            return self._add(model) + notes
+        except BaseException:
+            del self._drives[model.name]
+            raise
+
+    @abstractmethod
+    def _add(self, model: Model) -> tuple[str, ...]:
+        """Build a model that has drives, as ``add``."""
+
     def _add_drives(self, model: Model) -> tuple[str, ...]:
         """Give a model its motors, in ``hold``.
 
@@ -201,17 +223,6 @@ class Engine(ABC):
     @abstractmethod
     def set_properties(self, properties: PhysicsProperties) -> None:
         """Set the properties from the next step on."""
-
-    @abstractmethod
-    def add(self, model: Model) -> tuple[str, ...]:
-        """Build a model at its state, and set its ``hull_deviations``.
-
-        Returns:
-            A message for each ignored part.
-
-        Raises:
-            DescriptionError: If that fails; nothing is changed.
-        """
 
     @abstractmethod
     def remove(self, name: str) -> None:

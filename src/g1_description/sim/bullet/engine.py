@@ -121,14 +121,8 @@ class BulletEngine(Engine):
         for body in self._woken(model):
             body.update_joint(name)
 
-    def add(self, model: Model) -> tuple[str, ...]:
-        """Make the bodies of a model; if that fails, nothing is changed.
-
-        Raises:
-            DescriptionError: If it is too large for PyBullet, or refused by it.
-        """
-        if not model.link_names:
-            return ()
+    def _add(self, model: Model) -> tuple[str, ...]:
+        """Make the bodies of a model, unless they are too large for PyBullet."""
         joints = max(len(tree.joints) for tree in model.trees)
         if self.is_dynamic and joints > MAX_JOINTS:
             name = model.assembly.description.name
@@ -136,11 +130,10 @@ class BulletEngine(Engine):
                 f"Robot '{name}' has {joints} movable joints; more than {MAX_JOINTS} "
                 "need kinematic physics."
             )
-        left_out = self._add_drives(model)
-        return self._make(model) + left_out
+        return self._make(model)
 
     def _make(self, model: Model) -> tuple[str, ...]:
-        """Make the bodies of a model, as ``add``."""
+        """Make the bodies of a model; if that fails, nothing is changed."""
         before = self._client.getNumBodies()
         try:
             self._bodies[model.name], left_out = self._load(model)

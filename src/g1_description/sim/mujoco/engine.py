@@ -81,21 +81,15 @@ class MujocoEngine(Engine):
 
     # --- the world ---
 
-    def add(self, model: Model) -> tuple[str, ...]:
-        """Add a model; it is compiled alone, to see that it can be.
-
-        Raises:
-            DescriptionError: If MuJoCo refuses it; nothing is changed.
-        """
-        if not model.link_names:
-            return ()
+    def _add(self, model: Model) -> tuple[str, ...]:
+        """Add a model; it is compiled alone, to see that it can be."""
         meshes, left_out = find_meshes(
             s for link in model.assembly.description.links for s in link.collisions
         )
         self._include(model, meshes)
         if model.assembly.static and meshes:
             left_out += ("meshes of static models are simulated as their hulls",)
-        return left_out + self._add_drives(model)
+        return left_out
 
     def _include(self, model: Model, meshes: Mapping[str, Mesh]) -> None:
         """Include a model in the world, if MuJoCo accepts it."""
