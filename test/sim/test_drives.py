@@ -238,3 +238,13 @@ def test_with_a_wrong_file_of_motors_nothing_is_spawned(make_world, file):
     world.spawn("arm", arm_with(motors), UP)
     world.step()
     assert world.engine.effort_limits(world.model("arm"))[0] == 5.0
+
+
+def test_a_reset_keeps_the_motors_whatever_has_become_of_their_file(make_world, file):
+    world = make_world("hold", NOWHERE)
+    motors = file("elbow: {effort: 5}", "motors.yaml")
+    world.spawn("arm", arm_with(motors), UP)
+    motors.write_text("elbow: {torque: 5}")
+    world.reset()
+    world.step()
+    assert world.engine.effort_limits(world.model("arm"))[0] == 5.0

@@ -51,6 +51,7 @@ class Drives:
             model: The model.
             motors: Its motors; None: it has none.
         """
+        self.motors = motors
         joints = model.assembly.description.movable_joints
         own = [motors.of(joint.name) if motors else PdMotor() for joint in joints]
         servos = [m if isinstance(m, ServoMotor) else ServoMotor() for m in own]

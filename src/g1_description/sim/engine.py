@@ -6,7 +6,7 @@ Each engine is in its own folder; only this module knows which engines exist.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
 from importlib import import_module
 
@@ -236,9 +236,18 @@ class Engine(ABC):
             DescriptionError: If that fails; the old one stays.
         """
 
-    @abstractmethod
     def rebuild(self, models: Iterable[Model]) -> None:
-        """Build all models again, independent of past states."""
+        """Build all models again, with their motors, independent of past states."""
+        known = [model for model in models if model.name in self._drives]
+        for model in known:
+            drives = self._drives[model.name]
+            self._drives[model.name] = Drives(model, drives.motors)
+        self._rest.wake()
+        self._rebuild(known)
+
+    @abstractmethod
+    def _rebuild(self, models: Sequence[Model]) -> None:
+        """Build models that have drives, and no others."""
 
     def step(self) -> None:
         """Compute one time step, unless the world sleeps.

@@ -190,12 +190,12 @@ class BulletEngine(Engine):
             self._depenetration.forget(body.number)
         self._is_sorted = False
 
-    def rebuild(self, models: Iterable[Model]) -> None:
+    def _rebuild(self, models: Sequence[Model]) -> None:
         """Build everything again, as PyBullet's solver remembers contacts."""
         self._client.resetSimulation()
         self._begin()
         for model in models:
-            self.add(model)
+            self._make(model)
 
     def update_gravity(self, model: Model) -> None:
         """Apply which links of a model have gravity."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import mujoco
@@ -116,16 +116,12 @@ class MujocoEngine(Engine):
         """
         self._include(model, self._models[model.name][1])
 
-    def rebuild(self, models: Iterable[Model]) -> None:
+    def _rebuild(self, models: Sequence[Model]) -> None:
         """Compile everything again, as the solver remembers its last solution."""
-        known, self._models = self._models, {}
-        for model in models:
-            if model.name in known:
-                self._models[model.name] = model, known[model.name][1]
-                self._add_drives(model)
+        known = self._models
+        self._models = {m.name: (m, known[m.name][1]) for m in models}
         self._forces.clear()
         self._joint_efforts.clear()
-        self._rest.wake()
         self._is_compiled = False
 
     def _compile(self) -> None:
