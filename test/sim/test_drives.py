@@ -87,6 +87,30 @@ def test_the_lesser_limit_of_motor_and_robot_counts(make_world):
         world.delete("arm")
 
 
+def test_a_damper_at_its_limit_pushes_without_damping(make_world):
+    world, model = arm(make_world, PdMotor())
+    world.drive(model, ["elbow"], command(velocity=100.0, damping=60.0))
+    world.run(0.05)
+    assert world.engine.efforts(model)[0] == 30.0
+    assert model.velocity[0] == pytest.approx(0.05 * 30.0 / INERTIA, rel=1e-6)
+
+
+def test_a_damper_too_strong_for_the_step_stops_the_joint(make_world, engine):
+    """Per step v' = v / (1 + d h / I), from more than the limit; 150 of 30 N m."""
+    if engine == "bullet":
+        pytest.skip("PyBullet's efforts do not change within a step")
+    damping, velocity = 3000.0, 0.05
+    world, model = arm(make_world, PdMotor())
+    world.drive(model, ["elbow"], command(damping=damping))
+    model.velocity[0] = velocity
+    world.engine.write(model)
+    for _ in range(3):
+        world.step()
+        velocity /= 1.0 + 0.001 * damping / INERTIA
+        assert abs(world.engine.efforts(model)[0]) <= 30.0
+        assert model.velocity[0] == pytest.approx(velocity, rel=0.01)
+
+
 def test_the_joint_keeps_its_friction_and_damping(make_world):
     """A constant effort against both: v = (effort - friction) / damping."""
     world, model = arm(

@@ -157,14 +157,15 @@ class MujocoEngine(Engine):
         self._is_servo = np.zeros(count, dtype=bool)
         # Gains, and targets of positions and velocities, by degree of freedom.
         self._gains, self._targets = np.zeros((2, 2, count))
+        # Efforts at zero, stiffness, damping and limits, by actuator.
+        self._springs, self._limits = np.zeros((3, model.nu)), np.zeros(model.nu)
         model.dof_solimp[:] = FRICTION_IMPEDANCE
         for rows in self._rows.values():
             drives = self._drives[rows.model.name]
             self._gains[0, rows.velocity] = drives.position_gains
             self._gains[1, rows.velocity] = drives.velocity_gains
             model.dof_armature[rows.velocity] = drives.armature
-            limits = np.stack([-drives.limits, drives.limits], axis=1)
-            model.actuator_forcerange[rows.actuators] = limits
+            self._limits[rows.actuators] = drives.limits
             self._write_driven(rows)
         self._find_servos()
         mujoco.mj_setConst(model, self._data)
@@ -180,10 +181,9 @@ class MujocoEngine(Engine):
         friction = np.where(is_servo, drives.limits, drives.friction)
         model.dof_frictionloss[dofs] = friction
         model.dof_damping[dofs] = np.where(is_servo, 0.0, drives.joint_damping)
-        stiffness = np.where(is_servo, 0.0, drives.stiffness)
-        damping = np.where(is_servo, 0.0, drives.damping)
-        model.actuator_biasprm[rows.actuators, 1] = -stiffness
-        model.actuator_biasprm[rows.actuators, 2] = -damping
+        springs = np.stack([np.zeros(len(dofs)), drives.stiffness, drives.damping])
+        self._springs[:, rows.actuators] = np.where(is_servo, 0.0, springs)
+        model.actuator_biasprm[rows.actuators] = 0.0
         self._data.ctrl[rows.actuators] = 0.0
         self._write_targets(rows)
 
@@ -205,7 +205,7 @@ class MujocoEngine(Engine):
             return
         wanted = drives.feedforward + drives.stiffness * drives.positions
         wanted += drives.damping * drives.velocities
-        self._data.ctrl[rows.actuators] = np.where(drives.is_servo, 0.0, wanted)
+        self._springs[0, rows.actuators] = np.where(drives.is_servo, 0.0, wanted)
 
     def set_properties(self, properties: PhysicsProperties) -> None:
         """Set the properties; MuJoCo uses some of them."""
@@ -345,6 +345,8 @@ class MujocoEngine(Engine):
         mujoco.mj_step1(model, data)
         if self.physics == "hold":
             self._drive_servos()
+        if self._springs.any():
+            self._drive_springs()
         self._slow_separation()
         mujoco.mj_step2(model, data)
         data.xfrc_applied[:] = 0.0
@@ -379,6 +381,25 @@ class MujocoEngine(Engine):
         change = of_position / step + of_velocity
         data.efc_aref[data.ne + self._servos] = change / step
 
+    def _drive_springs(self) -> None:
+        """Let springs and dampers pull, those at their limits with a constant effort.
+
+        Actuators damp within the step, also where MuJoCo limits their efforts. Here
+        those are limited that exceed it even so.
+        """
+        model, data = self._model, self._data
+        joints = model.actuator_trnid[:, 0]
+        dofs = model.jnt_dofadr[joints]
+        effort, stiffness, damping = self._springs
+        now = effort - stiffness * data.qpos[model.jnt_qposadr[joints]]
+        now -= damping * data.qvel[dofs]
+        inertia = data.qM[model.dof_Madr[dofs]]
+        damped = now / (1.0 + damping * self.properties.time_step / inertia)
+        is_limited = np.abs(damped) >= self._limits
+        data.ctrl[:] = np.where(is_limited, np.copysign(self._limits, now), effort)
+        gains = np.where(is_limited, 0.0, -self._springs[1:])
+        model.actuator_biasprm[:, 1:3] = gains.T
+
     def _slow_separation(self) -> None:
         """Bound the speed at which contacts push overlapping links apart."""
         data = self._data
@@ -402,9 +423,10 @@ class MujocoEngine(Engine):
         data, by_dof = self._data, np.zeros(self._model.nv)
         servos = slice(data.ne, data.ne + data.nf)
         by_dof[data.efc_id[servos]] = data.efc_force[servos]
-        is_servo = self._drives[model.name].is_servo
+        drives = self._drives[model.name]
         springs = data.actuator_force[rows.actuators]
-        return np.where(is_servo, by_dof[rows.velocity], springs)
+        efforts = np.where(drives.is_servo, by_dof[rows.velocity], springs)
+        return np.minimum(np.maximum(efforts, -drives.limits), drives.limits)
 
     def apply_wrench(self, model: Model, link: str, wrench: np.ndarray) -> None:
         """Apply a wrench to a link in the next step."""

@@ -264,10 +264,7 @@ class WorldFile:
 
 def _actuator(joint: str) -> str:
     """Write the actuator of a joint, whose gains are set after the compilation."""
-    return (
-        f'<general joint="{joint}" biastype="affine" forcelimited="true" '
-        'forcerange="-1 1"/>'
-    )
+    return f'<general joint="{joint}" biastype="affine"/>'
 
 
 def _thick(points: np.ndarray) -> np.ndarray:
