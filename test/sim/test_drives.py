@@ -151,6 +151,14 @@ def test_its_own_motor_takes_the_joint_back_from_a_controllers_effort(make_world
     assert world.engine.efforts(model)[0] == pytest.approx(0.0, abs=1e-3)
 
 
+def test_also_a_joint_that_is_at_its_target_is_taken_back(make_world):
+    world, model = arm(make_world, ServoMotor())
+    world.drive(model, ["elbow"], command(1.0, 0.0, 60.0, 12.0))
+    world.set_joint_positions("arm", {"elbow": 0.0})
+    world.run(0.5)
+    assert model.position[0] == pytest.approx(0.0, abs=1e-9)
+
+
 def command_of_two():
     """Give a command with an effort of 3 N m to the first of two joints."""
     zero = np.zeros(2)

@@ -275,16 +275,15 @@ class Engine(ABC):
     def write(self, model: Model) -> None:
         """Write roots and joints of a model to the engine; motor targets stay."""
 
+    @abstractmethod
     def write_joints(self, model: Model, rows: Iterable[int]) -> None:
-        """Write some movable joints of a model, also as motor targets."""
-        self._write_joints(model, rows)
-        own = np.array([*rows], dtype=int)
+        """Write some movable joints of a model; motor targets stay."""
+
+    def hold(self, model: Model, rows: Sequence[int]) -> None:
+        """Let a model's own motors hold movable joints at the model's targets."""
+        own = np.array(rows, dtype=int)
         if self.is_dynamic and own.size:
             self.follow(model, own, model.target[own], np.zeros(len(own)))
-
-    @abstractmethod
-    def _write_joints(self, model: Model, rows: Iterable[int]) -> None:
-        """Write some movable joints of a model."""
 
     def follow(
         self,

@@ -202,9 +202,8 @@ class Motions:
     def forget(self, model: Model) -> None:
         """End all motions of a model; motors hold their last targets."""
         playlist = self._playlists.pop(model, None)
-        if playlist and self._engine.is_dynamic:
-            rows = np.arange(len(model.joint_names))
-            self._engine.follow(model, rows, model.target, np.zeros(len(rows)))
+        if playlist:
+            self._engine.hold(model, range(len(model.joint_names)))
         kept = [item for item in self._trackers.items() if item[1].model is not model]
         self._trackers = dict(kept)
 

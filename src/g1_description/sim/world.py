@@ -296,8 +296,10 @@ class World:
         """
         model = self.model(name)
         report = model.set_positions(positions)
+        rows = model.joint_rows(positions)
         self.engine.write_joints(model, report.changed)
-        self.motions.release(model, model.joint_rows(positions))
+        self.engine.hold(model, rows)
+        self.motions.release(model, rows)
         if not self.motions.moves_base(model):
             self.anchors.hold(model)
         return report
@@ -393,6 +395,7 @@ class World:
         self.motions.release(model, rows)
         self.anchors.renew(model)
         self.engine.write_joints(model, rows)
+        self.engine.hold(model, rows)
         return placed
 
     def set_link_properties(

@@ -92,7 +92,7 @@ class BulletEngine(Engine):
         for body in self._woken(model):
             body.write()
 
-    def _write_joints(self, model: Model, rows: Iterable[int]) -> None:
+    def write_joints(self, model: Model, rows: Iterable[int]) -> None:
         """Write some joints to the bodies; deferred in kinematic physics."""
         if not self.is_dynamic:
             self._moved[model.name] = model

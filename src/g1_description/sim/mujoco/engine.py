@@ -268,7 +268,7 @@ class MujocoEngine(Engine):
         data.qpos[rows.position] = model.position
         data.qvel[rows.velocity] = model.velocity
 
-    def _write_joints(self, model: Model, rows: Iterable[int]) -> None:
+    def write_joints(self, model: Model, rows: Iterable[int]) -> None:
         """Write some joints of a model."""
         found, own = self._changed(model), np.array([*rows], dtype=int)
         if found is not None:
