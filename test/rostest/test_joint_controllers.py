@@ -2,11 +2,14 @@
 
 import subprocess
 import unittest
+from contextlib import closing
+from functools import partial
 
 import rospy
 from robot_msgs.msg import MotorCommand, MotorState
+from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import JointState
-from support.ros_testing import DEADLINE, Connected, program, wait_for
+from support.ros_testing import DEADLINE, Connected, Repeated, program, wait_for
 
 ELBOW, KNEE = "left_elbow", "right_knee"
 
@@ -38,6 +41,29 @@ class TestJointControllers(unittest.TestCase):
         self.states[KNEE].wait(is_there(0.7), "the knee")
         self.commands[ELBOW].publish(MotorCommand(tau=-6.0, kd=4.0))
         self.states[ELBOW].wait(lambda m: m.q < 0.0, "the elbow's effort")
+
+    def test_an_invalid_command_to_a_joint_is_ignored_and_others_are_not(self):
+        log = Connected("/rosout", Log)
+        self.addCleanup(log.close)
+        self.commands[KNEE].publish(MotorCommand(q=0.4, kp=80.0, kd=4.0))
+        self.states[KNEE].wait(lambda m: abs(m.q - 0.4) < 0.1, "the knee")
+        for bad, words in (
+            (MotorCommand(q=float("nan")), "(got q: nan, dq: 0.0"),
+            (MotorCommand(kd=-4.0), "kd: -4.0, tau: 0.0)"),
+        ):
+            # Again and again: the log may hear other nodes before this one.
+            with closing(Repeated(partial(self.commands[KNEE].publish, bad), 0.2)):
+                log.wait(partial(self.is_refused, words), words)
+        self.states[ELBOW].clear()
+        self.states[KNEE].clear()
+        self.commands[ELBOW].publish(MotorCommand(q=0.5, kp=80.0, kd=4.0))
+        self.states[ELBOW].wait(lambda m: abs(m.q - 0.5) < 0.1, "the elbow")
+        self.assertAlmostEqual(self.states[KNEE].wait().q, 0.4, delta=0.1)
+
+    @staticmethod
+    def is_refused(words, message):
+        start = f"{KNEE}_joint: ignored a command, as all numbers must be within"
+        return message.msg.startswith(start) and words in message.msg
 
     def test_all_joints_are_published_with_their_efforts(self):
         states = Connected("/g1_gazebo/joint_states", JointState)

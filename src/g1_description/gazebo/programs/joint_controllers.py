@@ -24,10 +24,12 @@ import rospy
 from robot_msgs.msg import MotorCommand, MotorState
 from sensor_msgs.msg import JointState
 
+from g1_description.bounds import MAX_VALUE
 from g1_description.command_line import Ignored, OneSentenceParser
 from g1_description.errors import G1DescriptionError, UnknownNameError
 from g1_description.msg import MotorCommands, MotorStates
 from g1_description.ros.lifecycle import own_arguments, start_node
+from g1_description.ros.log import SHORT_PERIOD, ThrottledLog
 from g1_description.text import listed
 
 GAZEBO = "/gazebo"
@@ -58,6 +60,7 @@ class JointControllers:
         self._model, self._joints = model, [*joints.values()]
         self._commands = np.zeros((len(FIELDS), len(joints)))
         self._is_commanded = np.zeros(len(joints), dtype=bool)
+        self._log = ThrottledLog()
         self._lock, self._changed = threading.Lock(), threading.Event()
         self._motors = rospy.Publisher(
             f"{GAZEBO}/motor_commands", MotorCommands, queue_size=1
@@ -82,9 +85,24 @@ class JointControllers:
         )
 
     def _on_command(self, number: int, command: MotorCommand) -> None:
-        """Keep the newest command of a joint."""
+        """Keep the newest command of a joint; ignore an invalid one.
+
+        The simulator refuses a message whole.
+        """
+        values = [getattr(command, name) for name in FIELDS]
+        is_finite = all(abs(value) <= MAX_VALUE for value in values)
+        if not is_finite or command.kp < 0.0 or command.kd < 0.0:
+            joint = self._joints[number]
+            got = ", ".join(f"{name}: {v}" for name, v in zip(FIELDS, values))
+            self._log.warn(
+                joint,
+                f"{joint}: ignored a command, as all numbers must be within "
+                f"+-{MAX_VALUE:g}, kp and kd at least 0 (got {got})",
+                SHORT_PERIOD,
+            )
+            return
         with self._lock:
-            self._commands[:, number] = [getattr(command, name) for name in FIELDS]
+            self._commands[:, number] = values
             self._is_commanded[number] = True
         self._changed.set()
 
