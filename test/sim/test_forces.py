@@ -204,6 +204,23 @@ def test_damping_and_stops_of_a_joint_take_effect(make_world):
     assert model.position[0] == 1.0
 
 
+@pytest.mark.parametrize(("stop", "side"), [("hiStop", 1.0), ("loStop", -1.0)])
+def test_one_stop_of_a_continuous_joint_leaves_the_other_side_free(
+    make_world, stop, side
+):
+    world = make_world("limp", gravity=NOWHERE)
+    endless = PENDULUM.replace('"revolute"', '"continuous"')
+    world.spawn_urdf("pendulum", endless, np.array([0, 0, 0, 0, 0, 0, 1.0]))
+    joint = world.entities.joint("swing")
+    world.set_joint_properties(joint, {stop: 0.1 * side})
+    apply_effort(world, "swing", side, 10_000)
+    world.run(1.0)
+    assert world.model("pendulum").position[0] * side == pytest.approx(0.1, abs=0.01)
+    apply_effort(world, "swing", -2.0 * side, 10_000)
+    world.run(1.0)
+    assert world.model("pendulum").position[0] * side < -1.0
+
+
 def test_gravity_and_the_time_step_change_at_once(make_world):
     world = make_world("limp")
     world.spawn_urdf("body", BODY, np.array([0, 0, 50.0, 0, 0, 0, 1]))

@@ -8,6 +8,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from g1_description.bounds import MAX_VALUE
 from g1_description.errors import DescriptionError, cause
 from g1_description.motion.motors import Motors
 from g1_description.robot.assembly import SCOPE
@@ -450,11 +451,11 @@ class MujocoEngine(Engine):
             self._write_driven(rows)
             self._find_servos()
         if "loStop" in given or "hiStop" in given:
-            low, high = self._model.jnt_range[joint]
-            self._model.jnt_range[joint] = (
-                given.get("loStop", low),
-                given.get("hiStop", high),
+            stops = (
+                given.get("loStop", model.lower[row]),
+                given.get("hiStop", model.upper[row]),
             )
+            self._model.jnt_range[joint] = np.clip(stops, -MAX_VALUE, MAX_VALUE)
             self._model.jnt_limited[joint] = True
 
     def update_gravity(self, model: Model) -> None:
