@@ -67,6 +67,19 @@ def test_it_swings_as_a_spring_with_a_damper_and_a_rotor(make_world, armature):
         assert abs(world.engine.efforts(model)[0]) <= 30.0 + 1e-9
 
 
+def test_a_rotor_at_a_sliding_joint_resists_or_is_told(make_world, engine):
+    world = make_world("hold", NOWHERE, motors=Motors({".*": PdMotor(armature=3.0)}))
+    told = world.spawn_urdf("arm", ARM.format(**{**FREE, "kind": "prismatic"}), UP)
+    world.drive(world.model("arm"), ["elbow"], command(effort=10.0))
+    world.run(0.1)
+    ignored = (
+        "the armature of elbow is ignored: with PyBullet only joints that turn have one"
+    )
+    inertia = 2.0 if engine == "bullet" else 5.0
+    assert told == ((ignored,) if engine == "bullet" else ())
+    assert world.model("arm").velocity[0] == pytest.approx(1.0 / inertia, rel=1e-3)
+
+
 def test_it_sags_by_its_load_over_its_stiffness(make_world):
     world, model = arm(make_world, PdMotor(200.0, 90.0, 15.0), (0.0, 0.0, -9.8))
     world.run(4.0)

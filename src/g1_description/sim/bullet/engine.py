@@ -24,6 +24,7 @@ from g1_description.sim.engine import Engine, PhysicsProperties
 from g1_description.sim.meshes.shapes import find_meshes
 from g1_description.sim.model import Model, States
 from g1_description.sim.moving_models import MovingModels
+from g1_description.text import listed
 
 
 class BulletEngine(Engine):
@@ -130,7 +131,19 @@ class BulletEngine(Engine):
                 f"Robot '{name}' has {joints} movable joints; more than {MAX_JOINTS} "
                 "need kinematic physics."
             )
-        return self._make(model)
+        left_out, armature = self._make(model), self._drives[model.name].armature
+        movable = model.assembly.description.movable_joints
+        sliding = [
+            joint.name
+            for joint, inertia in zip(movable, armature)
+            if joint.kind == "prismatic" and inertia
+        ]
+        if sliding:
+            left_out += (
+                f"the armature of {listed(sliding)} is ignored: with PyBullet only "
+                "joints that turn have one",
+            )
+        return left_out
 
     def _make(self, model: Model) -> tuple[str, ...]:
         """Make the bodies of a model; if that fails, nothing is changed."""
