@@ -1,6 +1,7 @@
 """What no joint holds moves on its own, and is still part of its model."""
 
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -122,6 +123,22 @@ def test_links_of_one_model_pass_through_each_other_and_others_do_not(make_world
     assert link_pose(world, "one::ball")[2] == pytest.approx(0.1, abs=0.01)
     assert ("ground_plane::link", "one::ball") in world.contacts()
     assert ("one::a", "one::ball") not in world.contacts()
+
+
+def test_of_many_models_each_touches_all_others_and_the_ground(make_world):
+    """MuJoCo has 32 bits for that."""
+    world = make_world("limp")
+    two = robot(link("a"), link("b"), joint("turn", "revolute", "a", "b"))
+    for number in range(31):
+        world.spawn_urdf(f"two{number}", two, ONE)
+    world.spawn_urdf("one", robot(link("a")), ONE)
+    names = [*(f"two{number}::{end}" for number in range(31) for end in "ab"), "one::a"]
+    expected = {
+        tuple(sorted(pair))
+        for pair in combinations([*names, "ground_plane::link"], 2)
+        if pair[0].split("::")[0] != pair[1].split("::")[0]
+    }
+    assert world.contacts() == expected
 
 
 @pytest.mark.parametrize("physics", ["kinematic", "limp"])

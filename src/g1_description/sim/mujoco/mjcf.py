@@ -44,9 +44,13 @@ PRIORITIES = 1e6
 """Priorities per unit of friction: of two shapes, that with the higher priority, i.e.
 the lower friction, sets that of the contact, as in ODE."""
 
-BITS, ALL, BOUNCING = 32, 2**31 - 1, 2**30
-"""Number of bits of MuJoCo's collision masks, those that are used, and that of shapes
-that bounce."""
+ALL, BOUNCING = 2**31 - 1, 2**30
+"""The bits of MuJoCo's collision masks that are used, and that of shapes that bounce.
+The lowest one is that of the bodies of a single link."""
+
+BITS, CHOSEN = range(1, 30), 14
+"""The bits of other models, and how many of them each has: it lacks one of any other's,
+as all have different ones. There are 78 million choices."""
 
 
 class WorldFile:
@@ -57,6 +61,7 @@ class WorldFile:
         self._assets: list[str] = []
         self._bodies: list[str] = []
         self._n_joints = 0
+        self._masks_left = combinations(BITS, CHOSEN)
         self._groups: dict[tuple[str, str], int] = {}
         self.geoms: list[tuple[Model, str]] = []
         """The model and link of each geom."""
@@ -227,7 +232,7 @@ class WorldFile:
             )
 
     def _masks(self, model: Model, link: Link, bounces: bool) -> tuple[int, int]:
-        """Choose collision masks: links of one model pass through each other.
+        """Choose type and affinity: links of one model pass through each other.
 
         As in Gazebo, a nested model counts as another model. The bodies of a single
         link need no mask of their own. Shapes that bounce collide as pairs.
@@ -236,9 +241,10 @@ class WorldFile:
         if len(model.link_names) == 1:
             return BOUNCING if bounces else 1, affinity
         scope = model.name, link.name.rpartition(SCOPE)[0]
-        number = self._groups.setdefault(scope, len(self._groups))
-        bit = 2 << number % (BITS - 3)
-        return BOUNCING if bounces else bit, ALL & ~BOUNCING & ~bit
+        if scope not in self._groups:
+            self._groups[scope] = sum(2**bit for bit in next(self._masks_left))
+        mask = self._groups[scope]
+        return BOUNCING if bounces else mask, ALL & ~BOUNCING & ~mask
 
     def _hulls(self, shape: Shape, mesh: Mesh) -> list[str]:
         """Write the hulls of a mesh, each once per scale; return their names."""
