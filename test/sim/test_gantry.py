@@ -1,5 +1,7 @@
 """Robots that hang on a rope, against statics, on each engine."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from worlds import OUR_G1
@@ -66,6 +68,53 @@ def test_without_it_falls_and_a_deleted_model_takes_its_rope_along(make_world):
     world.spawn_urdf("g1", OUR_G1, PLACE)
     world.run(1.0)
     assert world.model("g1").pose[2] < 0.7
+
+
+AWAY = np.array([10.0, 3.0, 1.1, 0.0, 0.0, 0.0, 1.0])
+
+
+@pytest.mark.parametrize("placed", ["put", "root", "reset", "home"])
+def test_the_point_comes_along_when_the_model_is_placed_elsewhere(make_world, placed):
+    world, model = g1(make_world)
+    if placed in ("reset", "home"):
+        world.put("g1", AWAY, np.zeros(6))
+    world.gantries.hang(model, "", 2.0)
+    if placed == "put":
+        world.put("g1", AWAY, np.zeros(6))
+    elif placed == "root":
+        world.set_root_state(model, AWAY, np.zeros(6))
+    elif placed == "reset":
+        world.reset()
+    else:
+        world.reset_models()
+    begin = torso(model)
+    world.run(0.5)
+    assert np.abs(model.twists[:, :2]).max() < 1.0
+    np.testing.assert_allclose(torso(model)[:2], begin[:2], atol=0.05)
+
+
+def test_hanging_it_again_renews_the_point(make_world):
+    world, model = g1(make_world)
+    length = world.gantries.hang(model, "", 0.0)
+    model.root_poses[0, :2] += 1.0  # as if it had walked
+    model.set_root(0, model.root_poses[0], np.zeros(6))
+    world.engine.write(model)
+    assert world.gantries.hang(model, "", 0.0) == pytest.approx(length)
+    begin = torso(model)
+    world.run(0.5)
+    np.testing.assert_allclose(torso(model)[:2], begin[:2], atol=0.05)
+
+
+def test_a_heavier_model_sags_as_far(make_world):
+    world, model = g1(make_world)
+    world.gantries.hang(model, "", 0.0)
+    begin = torso(model)[2]
+    link = world.entities.link("g1::torso_link")
+    inertial = replace(link.link.inertial, mass=3.0 * link.link.inertial.mass)
+    world.set_link_properties(link, inertial, True)
+    world.run(3.0)
+    sag = 9.8 / (4.0 * np.pi) ** 2
+    assert torso(model)[2] == pytest.approx(begin - sag, abs=5e-3)
 
 
 def test_what_cannot_hang_is_told(make_world):

@@ -32,9 +32,6 @@ class Rope:
     length: float
     """Without load, in [m]."""
 
-    mass: float
-    """Of the model, in [kg]."""
-
 
 class Gantries:
     """The ropes of models, at most one each."""
@@ -44,7 +41,7 @@ class Gantries:
         self._ropes: dict[Model, Rope] = {}
 
     def hang(self, model: Model, link: str, length: float) -> float:
-        """Hang a model from a point above a link, or change the length of its rope.
+        """Hang a model from the point above a link, also one that hangs already.
 
         Args:
             model: The model.
@@ -56,7 +53,8 @@ class Gantries:
             The length in [m].
 
         Raises:
-            InvalidValueError: If nothing moves the model, or the length is negative.
+            InvalidValueError: If nothing moves the model, or the length is negative or
+                above ``HEIGHT``.
             UnknownNameError: If it has no such link.
         """
         if not self._engine.is_dynamic:
@@ -68,16 +66,17 @@ class Gantries:
                 f"length must be from 0 to {HEIGHT:g} m (got {length:g})"
             )
         rope = self._ropes.get(model)
-        if rope is None or (link and model.link_names[rope.row] != link):
-            row = _row(model, link)
-            place = _place(model, row)[0]
-            inertials = [each.inertial for each in model.links.values()]
-            mass = sum(inertial.mass for inertial in inertials if inertial)
-            rope = Rope(row, np.array([*place[:2], HEIGHT]), 0.0, mass)
-        taut = float(np.linalg.norm(rope.point - _place(model, rope.row)[0]))
-        rope.length = length or taut
-        self._ropes[model] = rope
-        return rope.length
+        row = rope.row if rope and not link else _row(model, link)
+        taut = abs(HEIGHT - float(_place(model, row)[0][2]))
+        self._ropes[model] = Rope(row, np.zeros(3), length or taut)
+        self.renew(model)
+        return length or taut
+
+    def renew(self, model: Model) -> None:
+        """Hang a model that was placed elsewhere from the point above it there."""
+        if model in self._ropes:
+            rope = self._ropes[model]
+            rope.point = np.array([*_place(model, rope.row)[0][:2], HEIGHT])
 
     def forget(self, model: Model) -> None:
         """Let a model go."""
@@ -94,7 +93,9 @@ class Gantries:
                 continue
             along = span / distance
             pull = FREQUENCY**2 * stretch - 2.0 * FREQUENCY * (velocity @ along)
-            force = rope.mass * max(pull, 0.0) * along
+            inertials = [each.inertial for each in model.links.values()]
+            mass = sum(inertial.mass for inertial in inertials if inertial)
+            force = mass * max(pull, 0.0) * along
             link = model.link_names[rope.row]
             self._engine.apply_wrench(model, link, np.concatenate([force, np.zeros(3)]))
 

@@ -97,7 +97,7 @@ class World:
         self.motions = Motions(self.engine, self.anchors)
         """Current and future motions."""
         self.gantries = Gantries(self.engine)
-        """Ropes on which models hang; a reset leaves them."""
+        """Ropes on which models hang; a reset leaves them, from points above them."""
         content = content or read_sdf(EMPTY_WORLD)
         self.time_ns = round(content.time * 1e9)
         """Simulated time in [ns]."""
@@ -348,6 +348,7 @@ class World:
         model.set_state(pose, twist * self.is_dynamic)
         self.motions.release(model, base=True)
         self.anchors.renew(model)
+        self.gantries.renew(model)
         self.engine.write(model)
 
     def set_root_state(
@@ -365,6 +366,7 @@ class World:
         model.set_root_state(pose, twist * self.is_dynamic, tree)
         self.motions.release(model, base=tree == 0)
         self.anchors.renew(model)
+        self.gantries.renew(model)
         self.engine.write(model)
 
     def set_link_state(
@@ -442,6 +444,7 @@ class World:
             self.motions.forget(model)
             model.return_home()
             self.anchors.renew(model)
+            self.gantries.renew(model)
             self.engine.write(model)
 
     def reset(self) -> None:
@@ -455,6 +458,7 @@ class World:
         for model in self.models.values():
             model.reset()
             self.anchors.renew(model)
+            self.gantries.renew(model)
         self.engine.rebuild(self.models.values())
 
     def contacts(self) -> set[tuple[str, str]]:
