@@ -88,6 +88,13 @@ def test_it_sags_by_its_load_over_its_stiffness(make_world):
     assert world.engine.efforts(model)[0] == pytest.approx(-90.0 * sag, rel=1e-3)
 
 
+def test_a_look_for_contacts_leaves_the_efforts(make_world):
+    world, model = arm(make_world, ServoMotor(), (0.0, 0.0, -9.8))
+    world.run(0.1)
+    assert world.contacts() == set()
+    assert world.engine.efforts(model)[0] == pytest.approx(-9.8, rel=1e-3)
+
+
 def test_the_lesser_limit_of_motor_and_robot_counts(make_world):
     """Half a turn per second squared at the limit; 30 N m is that of the URDF."""
     for motor, robot in ((5.0, 5.0), (200.0, 30.0)):

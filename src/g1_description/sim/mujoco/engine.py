@@ -477,7 +477,10 @@ class MujocoEngine(Engine):
     def contacts(self) -> set[tuple[str, str]]:
         """Find the pairs of links that touch or overlap now."""
         self._compile()
-        model, data = self._model, self._data
+        # Other data, as a search for contacts empties the constraints of the last step.
+        model, data = self._model, mujoco.MjData(self._model)
+        for name in ("qpos", "mocap_pos", "mocap_quat"):
+            getattr(data, name)[:] = getattr(self._data, name)
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
         mujoco.mj_collision(model, data)
