@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import struct
 import time
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 
 from gazebo_msgs.msg import LinkStates, ModelStates, WorldState
 from rosgraph_msgs.msg import Clock
@@ -15,7 +15,6 @@ from g1_description.msg import MotorStates, TrackingReport
 from g1_description.ros.conversions import stamp_from_ns
 from g1_description.ros.publisher import DirectPublisher
 from g1_description.ros.wire import LinkStatesEncoder, Prepared, ready
-from g1_description.sim.model import Model
 from g1_description.sim.motions import MotionTracker
 from g1_description.sim.world import World
 
@@ -73,9 +72,7 @@ class StateTopics:
         self._clock = DirectPublisher("/clock", Clock, QUEUE_SIZE)
         self._topics = []
         self._latched: DirectPublisher | None = None
-        self._motors: DirectPublisher | None = None
         if parameters.enable_ros_network:
-            self._motors = DirectPublisher("~motor_states", MotorStates, QUEUE_SIZE)
             self._latched = DirectPublisher(
                 "~world_state", WorldState, QUEUE_SIZE, True
             )
@@ -89,6 +86,10 @@ class StateTopics:
                     self._model_states,
                 ),
                 (self._latched, self._world_state),
+                (
+                    DirectPublisher("~motor_states", MotorStates, QUEUE_SIZE),
+                    self._motor_states,
+                ),
             ]
 
     def publish(self, is_last: bool = False) -> None:
@@ -101,16 +102,13 @@ class StateTopics:
         if is_last or self._is_due(self._parameters.pub_clock_frequency):
             self._publish_clock()
         if is_last or self._is_due(self._parameters.link_states_rate):
-            for topic, message in self._topics:
+            for topic, messages in self._topics:
                 if topic.get_num_connections():
-                    topic.publish(message())
+                    for message in messages():
+                        topic.publish(message)
                     self._sent, self._sent_ns = time.monotonic(), self._world.time_ns
                 elif topic is self._latched:
                     topic.forget()
-            if self._motors is not None and self._motors.get_num_connections():
-                for model in self._world.models.values():
-                    if model.joint_names:
-                        self._motors.publish(self._motor_states(model))
         self._is_settled, self._changed = False, -math.inf
 
     def _publish_clock(self) -> None:
@@ -185,7 +183,7 @@ class StateTopics:
         if self._world.time_ns != self._clock_ns:
             self._publish_clock()
         if self._latched is not None:
-            shown, message = self._shown, self._world_state()
+            shown, (message,) = self._shown, self._world_state()
             if self._shown != shown:
                 self._latched.publish(message)
                 self._sent, self._sent_ns = time.monotonic(), self._world.time_ns
@@ -200,32 +198,36 @@ class StateTopics:
         period_ns = max(1, every) * properties.step_ns
         return self._world.time_ns % period_ns < properties.step_ns
 
-    def _link_states(self) -> Prepared:
-        return ready(self._encoded_links())
+    def _link_states(self) -> Iterator[Prepared]:
+        yield ready(self._encoded_links())
 
-    def _model_states(self) -> Prepared:
+    def _model_states(self) -> Iterator[Prepared]:
         names = self._world.model_names
-        return ready(self._models.encode(names, *self._world.model_states()))
+        yield ready(self._models.encode(names, *self._world.model_states()))
 
-    def _world_state(self) -> Prepared:
-        """Return stamped states of all links, without wrenches."""
+    def _world_state(self) -> Iterator[Prepared]:
+        """Give stamped states of all links, without wrenches."""
         self._seq += 1
         time_ns, frame = self._world.time_ns, b"world"
         stamp = divmod(time_ns, 1_000_000_000)
         header = struct.pack("<4I", self._seq, *stamp, len(frame)) + frame
         content = self._encoded_links() + struct.pack("<I", 0)
         self._shown = time_ns, content
-        return ready(header + content)
+        yield ready(header + content)
 
-    def _motor_states(self, model: Model) -> MotorStates:
-        """Return the states of a model's joints."""
+    def _motor_states(self) -> Iterator[MotorStates]:
+        """Give the states of the joints of each model that has any."""
         world = self._world
-        efforts = world.engine.efforts(model).tolist() if world.is_dynamic else []
-        message = MotorStates(model_name=model.name, joint_names=model.joint_names)
-        message.header.stamp = stamp_from_ns(world.time_ns)
-        message.q, message.dq = model.position.tolist(), model.velocity.tolist()
-        message.tau = efforts
-        return message
+        for model in world.models.values():
+            if model.joint_names:
+                efforts = world.engine.efforts(model) if world.is_dynamic else None
+                message = MotorStates(
+                    model_name=model.name, joint_names=model.joint_names
+                )
+                message.header.stamp = stamp_from_ns(world.time_ns)
+                message.q, message.dq = model.position.tolist(), model.velocity.tolist()
+                message.tau = [] if efforts is None else efforts.tolist()
+                yield message
 
     def _encoded_links(self) -> bytes:
         names = self._world.link_names
