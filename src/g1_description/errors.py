@@ -39,6 +39,10 @@ class MotorFileError(DescriptionError):
     """A file of motors cannot be read, or holds something else."""
 
 
+class NoSuchMotorsError(MotorFileError):
+    """A robot has no motors of that name."""
+
+
 class AllowedPairsError(G1DescriptionError):
     """A file of allowed collisions cannot be read, or is that of another robot."""
 

@@ -292,6 +292,14 @@ def test_with_a_wrong_file_of_motors_nothing_is_spawned(make_world, file):
     assert world.engine.effort_limits(world.model("arm"))[0] == 5.0
 
 
+def test_motors_of_a_name_are_not_replaced_where_their_file_is_wrong(make_world, file):
+    world = make_world("hold", NOWHERE, motors="weak")
+    usual = file("elbow: {effort: 5}", "motors.yaml")
+    file("elbow: {torque: 5}", "motors_weak.yaml")
+    with pytest.raises(MotorFileError, match="unknown key torque"):
+        world.spawn("arm", arm_with(usual), UP)
+
+
 def test_a_reset_keeps_the_motors_whatever_has_become_of_their_file(make_world, file):
     world = make_world("hold", NOWHERE)
     motors = file("elbow: {effort: 5}", "motors.yaml")

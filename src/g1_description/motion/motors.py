@@ -14,7 +14,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Union
 
-from g1_description.errors import MotorFileError
+from g1_description.errors import MotorFileError, NoSuchMotorsError
 from g1_description.files.yaml import YamlError, finite_number, read_yaml
 from g1_description.robot.description import Description
 from g1_description.robot.profile import Profile
@@ -105,8 +105,8 @@ def motors_of(robot: Description, name: str = "") -> Motors:
         name: Which of its motors; empty: the usual ones.
 
     Raises:
-        MotorFileError: If the file cannot be read or is invalid, or there are no motors
-            of that name.
+        NoSuchMotorsError: If there are no motors of that name.
+        MotorFileError: If the file cannot be read or is invalid.
     """
     file = named_motors(robot.profile, name) if name else robot.profile.motors
     return read_motors(file) if file else Motors()
@@ -116,7 +116,7 @@ def named_motors(profile: Profile, name: str) -> Path:
     """Find the file of a profile's motors ``name``, beside that of its usual ones.
 
     Raises:
-        MotorFileError: If there is none.
+        NoSuchMotorsError: If there is none.
     """
     usual, files = profile.motors, {}
     if usual is not None:
@@ -126,7 +126,7 @@ def named_motors(profile: Profile, name: str) -> Path:
         return files[name]
     whose = f"The profile {profile.name}" if profile.name else "A robot without profile"
     known = listed(files) if files else "the usual ones"
-    raise MotorFileError(f"{whose} has no motors '{name}'. Known motors: {known}.")
+    raise NoSuchMotorsError(f"{whose} has no motors '{name}'. Known motors: {known}.")
 
 
 def read_motors(file: Path) -> Motors:

@@ -13,7 +13,7 @@ from importlib import import_module
 import numpy as np
 
 from g1_description.bounds import MAX_VALUE
-from g1_description.errors import InvalidValueError, MotorFileError, UnknownNameError
+from g1_description.errors import InvalidValueError, NoSuchMotorsError, UnknownNameError
 from g1_description.motion.motors import Motors, motors_of
 from g1_description.robot.launch_arguments import ENGINES, PHYSICS
 from g1_description.sim.drives import MAX_EFFORT, Drives, PdCommand
@@ -210,9 +210,7 @@ class Engine(ABC):
             return given, ()
         try:
             return motors_of(description, given or ""), ()
-        except MotorFileError as error:
-            if not given:
-                raise
+        except NoSuchMotorsError as error:
             is_told = bool(description.movable_joints)
             return Motors(), (str(error).rstrip("."),) * is_told
 
