@@ -499,12 +499,8 @@ class MujocoEngine(Engine):
     def _can_move(self, model: Model, link: str) -> bool:
         """Return whether physics can move a link."""
         body = self._rows[model.name].bodies[link]
-        return bool(self._model.body_dofnum[body] or self._has_joint_above(body))
-
-    def _has_joint_above(self, body: int) -> bool:
-        """Return whether a body moves with another one."""
-        moves: bool = self._model.body_weldid[body] != 0
-        return moves and self._model.body_dofnum[self._model.body_weldid[body]] > 0
+        # The first body above that is not fixed to its parent.
+        return bool(self._model.body_dofnum[self._model.body_weldid[body]])
 
 
 def damping_ratios(restitutions: np.ndarray) -> np.ndarray:
