@@ -357,9 +357,22 @@ class Engine(ABC):
     def apply_effort(self, model: Model, row: int, effort: float) -> None:
         """Apply an effort to a movable joint in the next step, in [N m] or [N]."""
 
-    @abstractmethod
     def update_joint(self, model: Model, name: str) -> None:
-        """Apply the supported ``ode_joints`` of a movable joint."""
+        """Apply damping and stops of a joint in ``ode_joints``, if it is movable."""
+        row, given = model.joint_row(name), model.ode_joints[name]
+        if row is None:
+            return
+        if "damping" in given:
+            self._drives[model.name].joint_damping[row] = given["damping"]
+            self._update_drives(model, np.array([row]))
+        if "loStop" in given or "hiStop" in given:
+            low = max(given.get("loStop", float(model.lower[row])), -MAX_VALUE)
+            high = min(given.get("hiStop", float(model.upper[row])), MAX_VALUE)
+            self._set_stops(model, row, low, high)
+
+    @abstractmethod
+    def _set_stops(self, model: Model, row: int, low: float, high: float) -> None:
+        """Set both stops of a movable joint, in [rad] or [m]."""
 
     @abstractmethod
     def update_gravity(self, model: Model) -> None:

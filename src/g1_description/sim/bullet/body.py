@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from g1_description.bounds import MAX_VALUE
 from g1_description.robot.assembly import SCOPE
 from g1_description.robot.rotation import cross
 from g1_description.robot.transform import compose, inverse
@@ -77,8 +76,6 @@ class Body:
         """Efforts of drives without a servo in the last step, in [N m] or [N]."""
         self._set_contacts()
         self.update_gravity()
-        for name in model.ode_joints:
-            self.update_joint(name)
         if joints:  # PyBullet starts with motors as friction
             self._slow_down(self.rows, np.zeros(len(joints)))
         self.write()
@@ -242,22 +239,14 @@ class Body:
             self.number, joints, self._client.VELOCITY_CONTROL, forces=efforts
         )
 
-    def update_joint(self, name: str) -> None:
-        """Apply damping and stops of ``ode_joints``."""
-        row, given = self.model.joint_row(name), self.model.ode_joints[name]
-        if row not in self._own:
-            return
-        if "damping" in given:
-            self._drives.joint_damping[row] = given["damping"]
-            self._find_slack()
-        if "loStop" in given or "hiStop" in given:  # PyBullet needs both
-            lower = float(self.model.lower[row])
-            upper = float(self.model.upper[row])
-            self._client.changeDynamics(
+    def set_stops(self, row: int, low: float, high: float) -> None:
+        """Set the stops of a joint of the model, if it belongs to this tree."""
+        if row in self._own:
+            self._client.changeDynamics(  # PyBullet needs both
                 self.number,
                 self._joints[self._own[row]],
-                jointLowerLimit=max(given.get("loStop", lower), -MAX_VALUE),
-                jointUpperLimit=min(given.get("hiStop", upper), MAX_VALUE),
+                jointLowerLimit=low,
+                jointUpperLimit=high,
             )
 
     def apply_wrench(self, link: str, wrench: np.ndarray) -> None:

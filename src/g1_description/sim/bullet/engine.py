@@ -117,10 +117,10 @@ class BulletEngine(Engine):
         for body in self._woken(model):
             body.apply_effort(row, effort)
 
-    def update_joint(self, model: Model, name: str) -> None:
-        """Apply damping and stops of a joint."""
+    def _set_stops(self, model: Model, row: int, low: float, high: float) -> None:
+        """Set the stops of a joint."""
         for body in self._woken(model):
-            body.update_joint(name)
+            body.set_stops(row, low, high)
 
     def _add(self, model: Model) -> tuple[str, ...]:
         """Make the bodies of a model, unless they are too large for PyBullet."""
@@ -154,6 +154,8 @@ class BulletEngine(Engine):
             for index in reversed(range(before, self._client.getNumBodies())):
                 self._client.removeBody(self._client.getBodyUniqueId(index))
             raise
+        for name in model.ode_joints:
+            self.update_joint(model, name)
         self._is_sorted = False
         self._rest.wake()
         self._depenetration.expect_overlaps()

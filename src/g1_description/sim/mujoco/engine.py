@@ -8,7 +8,6 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from g1_description.bounds import MAX_VALUE
 from g1_description.errors import DescriptionError, cause
 from g1_description.motion.motors import Motors
 from g1_description.robot.assembly import SCOPE
@@ -439,24 +438,12 @@ class MujocoEngine(Engine):
         self._rest.wake()
         self._joint_efforts.append((model, row, effort))
 
-    def update_joint(self, model: Model, name: str) -> None:
-        """Apply damping and stops of a joint."""
+    def _set_stops(self, model: Model, row: int, low: float, high: float) -> None:
+        """Set the stops of a joint."""
         rows = self._changed(model)
-        row, given = model.joint_row(name), model.ode_joints[name]
-        if rows is None or row is None:
-            return
-        joint = rows.joints[row]
-        if "damping" in given:
-            self._drives[model.name].joint_damping[row] = given["damping"]
-            self._write_driven(rows)
-            self._find_servos()
-        if "loStop" in given or "hiStop" in given:
-            stops = (
-                given.get("loStop", model.lower[row]),
-                given.get("hiStop", model.upper[row]),
-            )
-            self._model.jnt_range[joint] = np.clip(stops, -MAX_VALUE, MAX_VALUE)
-            self._model.jnt_limited[joint] = True
+        if rows is not None:
+            self._model.jnt_range[rows.joints[row]] = low, high
+            self._model.jnt_limited[rows.joints[row]] = True
 
     def update_gravity(self, model: Model) -> None:
         """Apply which links of a model have gravity."""
