@@ -14,12 +14,10 @@ from g1_description.sim.bullet.client import BulletClient
 from g1_description.sim.bullet.create_body import ROOT
 from g1_description.sim.drives import Drives
 from g1_description.sim.model import Model
+from g1_description.sim.substance import DEFAULT_FRICTION
 
 MAX_JOINT_VELOCITY = 1000.0
 """Bound of speeds in [m/s] or [rad/s]; PyBullet's default is 100."""
-
-DEFAULT_FRICTION = 1.0
-"""Default coefficient of friction, as in Gazebo."""
 
 MAX_FRICTION = 10.0
 """Largest coefficient of friction: PyBullet's bound for the product of two."""

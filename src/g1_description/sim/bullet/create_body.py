@@ -17,8 +17,7 @@ import numpy as np
 from g1_description.bounds import MAX_VALUE
 from g1_description.errors import DescriptionError
 from g1_description.robot.assembly import WORLD
-from g1_description.robot.description import Description, Inertial, Joint, Link, Shape
-from g1_description.robot.lumping import is_positive
+from g1_description.robot.description import Description, Inertial, Joint, Shape
 from g1_description.robot.rotation import axes_to_rpy, from_rpy, rotate
 from g1_description.robot.transform import IDENTITY
 from g1_description.robot.tree import depth_first
@@ -28,6 +27,7 @@ from g1_description.sim.meshes.hulls import cylinder_points, thinned_hulls
 from g1_description.sim.meshes.shapes import Mesh, is_there
 from g1_description.sim.meshes.stl import write_stl
 from g1_description.sim.model import Model
+from g1_description.sim.substance import inertial_of, principal_axes
 
 ROOT = -1
 """PyBullet's number for a body's root link."""
@@ -35,18 +35,10 @@ ROOT = -1
 MAX_JOINTS = 127
 """PyBullet's limit of links per body, without the root; it drops others silently."""
 
-UNKNOWN = Inertial(1.0, np.zeros(3), np.eye(3))
-"""Mass properties of links without any, which occur only in kinematic physics: PyBullet
-finds no contacts without a mass."""
-
 NO_MASS = Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
 
 MAX_TOGETHER = 16
 """Collision shapes that PyBullet accepts in one call; it crashes with one more."""
-
-TOLERANCE = 1e-3
-"""Largest deviation in [m] of a simplified hull from its mesh: fewer points make steps
-with contacts, and loading, faster."""
 
 Form = Dict[str, Any]
 """A collision shape as arguments of ``createCollisionShapeArray``."""
@@ -177,7 +169,8 @@ def _rows(
             position = joint.pose[:3] + rotate(joint.pose[3:], anchor)
             position = position - rows[parent].anchor
         places[name] = place = len(rows)
-        inertial = _inertial(links[name], joint is None)
+        is_world = joint is None and name == WORLD
+        inertial = NO_MASS if is_world else inertial_of(links[name])
         if joint is not None and joint.kind != "prismatic":
             inertial = _with_rotor(inertial, joint.axis, armature.get(joint.name, 0.0))
         all_forms = forms.of(links[name].collisions, anchor)
@@ -194,16 +187,6 @@ def _groups(forms: Sequence[Form]) -> list[Sequence[Form]]:
     """Split shapes into groups of at most ``MAX_TOGETHER``; at least one group."""
     begins = range(0, max(len(forms), 1), MAX_TOGETHER)
     return [forms[begin : begin + MAX_TOGETHER] for begin in begins]
-
-
-def _inertial(link: Link, is_root: bool) -> Inertial:
-    """Return the mass properties of a link for PyBullet."""
-    if is_root and link.name == WORLD:
-        return NO_MASS
-    inertial = link.inertial or UNKNOWN
-    if is_positive(inertial.inertia):
-        return inertial
-    return replace(inertial, inertia=np.eye(3))  # as Gazebo's ODE
 
 
 def _with_rotor(inertial: Inertial, axis: np.ndarray, armature: float) -> Inertial:
@@ -255,21 +238,6 @@ def _center(row: _Row) -> np.ndarray:
     _, axes = principal_axes(row.inertial.inertia)
     center = row.inertial.center_of_mass - row.anchor
     return np.concatenate([center, from_rpy(axes_to_rpy(axes))])
-
-
-def principal_axes(inertia: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Compute principal moments and axes of inertia.
-
-    Args:
-        inertia: Tensor in [kg m^2], shape (3, 3).
-
-    Returns:
-        Principal moments in [kg m^2], shape (3,), and the principal axes as the
-        columns of a rotation matrix, shape (3, 3).
-    """
-    moments, axes = np.linalg.eigh(inertia)
-    axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
-    return moments, axes
 
 
 def _set_dynamics(client: BulletClient, number: int, rows: Sequence[_Row]) -> None:
@@ -359,12 +327,11 @@ class _Forms:
         """Write a mesh of a largest scale to a file; return its name."""
         mesh = self._meshes[name]
         if not self._is_static:
-            hulls = thinned_hulls(mesh, TOLERANCE / scale if scale else 0.0)
-            deviation = max(deviation for _, deviation in hulls) * scale
+            hulls, deviation = thinned_hulls(mesh, scale)
             if deviation:
                 known = self.deviations.get(name, 0.0)
                 self.deviations[name] = max(known, deviation)
-            return self._write([points for points, _ in hulls])
+            return self._write(hulls)
         if mesh.parts:
             corners = [part.corners.reshape(-1, 3) for part in mesh.parts]
             return self._write([np.concatenate(corners)])

@@ -20,6 +20,10 @@ if TYPE_CHECKING:
 MAX_HULLS = 100
 """Meshes with more parts become one convex hull, instead of one per part."""
 
+TOLERANCE = 1e-3
+"""Largest distance in [m] of a thinned hull from its mesh: fewer points make steps with
+contacts, and loading, faster."""
+
 MAX_SHARE = 0.02
 """Largest distance of a thinned hull from its mesh, relative to the shortest side of
 its box: a ball keeps 90 % of its volume."""
@@ -78,22 +82,25 @@ def hull_points(mesh: Mesh) -> list[np.ndarray]:
     return [_distinct(np.asarray(points, np.float32)) for points in parts]
 
 
-def thinned_hulls(mesh: Mesh, tolerance: float) -> list[tuple[np.ndarray, float]]:
-    """Return thinned points of the convex hulls of a mesh.
+def thinned_hulls(mesh: Mesh, scale: float) -> tuple[list[np.ndarray], float]:
+    """Thin the convex hulls of a mesh.
 
     Args:
         mesh: The mesh.
-        tolerance: Largest distance of removed points from the hull, in the unit of the
-            mesh; smaller for small meshes, to preserve their shape.
+        scale: Its largest scale, to [m].
 
     Returns:
         Points as by ``hull_points``, and the largest distance of removed points from
-        their hull.
+        their hull, in [m].
     """
+    tolerance = TOLERANCE / scale if scale else 0.0
     if mesh.parts:
-        return [_thinned(points, tolerance) for points in hull_points(mesh)]
-    status = mesh.path.stat()
-    return [_thinned_stl(mesh.path, status.st_size, status.st_mtime_ns, tolerance)]
+        found = [_thinned(points, tolerance) for points in hull_points(mesh)]
+    else:
+        status = mesh.path.stat()
+        stl = mesh.path, status.st_size, status.st_mtime_ns
+        found = [_thinned_stl(*stl, tolerance)]
+    return [points for points, _ in found], scale * max(d for _, d in found)
 
 
 @lru_cache(maxsize=MAX_FILES_KEPT)

@@ -7,35 +7,25 @@ root is fixed. The frame of a body is that of its link.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 
 from g1_description.bounds import MAX_VALUE
 from g1_description.robot.assembly import SCOPE, WORLD
-from g1_description.robot.description import Description, Inertial, Joint, Link, Shape
-from g1_description.robot.lumping import is_positive
+from g1_description.robot.description import Description, Joint, Link, Shape
 from g1_description.robot.rotation import axes_to_rpy, cross, from_rpy, multiply
 from g1_description.robot.transform import IDENTITY
 from g1_description.sim.meshes.hulls import thinned_hulls
 from g1_description.sim.meshes.shapes import Mesh, is_there
 from g1_description.sim.model import Model
-
-TOLERANCE = 1e-3
-"""Largest deviation in [m] of a simplified hull from its mesh."""
+from g1_description.sim.substance import DEFAULT_FRICTION, inertial_of, principal_axes
 
 THICKNESS = 1e-4
 """Of the hull of a flat mesh, in [m]: MuJoCo refuses one without a volume."""
 
 MIN_SIZE = 1e-9
 """Smallest size of a shape in [m]: MuJoCo refuses zero."""
-
-UNKNOWN = Inertial(1.0, np.zeros(3), np.eye(3))
-"""Mass properties of links without any, which occur only in kinematic physics."""
-
-DEFAULT_FRICTION = 1.0
-"""Default coefficient of friction, as in Gazebo."""
 
 MAX_FRICTION = 100.0
 """Largest coefficient of friction: files may have an infinite one."""
@@ -180,14 +170,11 @@ class WorldFile:
 
     def _inertial(self, link: Link, origin: np.ndarray) -> str:
         """Write mass properties; the moments may be beyond what MuJoCo compiles."""
-        inertial = link.inertial or (UNKNOWN if link.name != WORLD else None)
-        if inertial is None:
+        if link.inertial is None and link.name == WORLD:
             self.inertias.append(np.zeros(3))
             return ""
-        if not is_positive(inertial.inertia):
-            inertial = replace(inertial, inertia=np.eye(3))  # as Gazebo's ODE
-        moments, axes = np.linalg.eigh(inertial.inertia)
-        axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
+        inertial = inertial_of(link)
+        moments, axes = principal_axes(inertial.inertia)
         self.inertias.append(moments)
         # Replaced after the compilation, which checks the triangle inequality.
         largest = _row(np.full(3, moments.max()))
@@ -248,14 +235,12 @@ class WorldFile:
 
     def _hulls(self, shape: Shape, mesh: Mesh) -> list[str]:
         """Write the hulls of a mesh, each once per scale; return their names."""
-        scale = max(map(abs, shape.size))
-        hulls = thinned_hulls(mesh, TOLERANCE / scale if scale else 0.0)
-        deviation = max(deviation for _, deviation in hulls) * scale
+        hulls, deviation = thinned_hulls(mesh, max(map(abs, shape.size)))
         if deviation:
             known = self.deviations.get(shape.filename, 0.0)
             self.deviations[shape.filename] = max(known, deviation)
         names = []
-        for part, (points, _) in enumerate(hulls):
+        for part, points in enumerate(hulls):
             key = shape.filename, tuple(shape.size), part
             if key not in self._meshes:
                 self._meshes[key] = f"m{len(self._meshes)}"
