@@ -10,6 +10,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+from conftest import REPOSITORY
 from forked import run_script
 
 roslaunch = pytest.importorskip("roslaunch", reason="roslaunch is not installed")
@@ -107,6 +108,14 @@ def test_exactly_one_executable_has_the_name(name):
     run = run_script(program, "-h", environment={**os.environ, "DISPLAY": ""})
     assert run.returncode == 0, run.stderr
     assert run.stdout.startswith("usage: ")
+
+
+def test_the_controllers_of_joints_tell_their_topics_and_parameters():
+    program = REPOSITORY / "scripts" / "joint_controllers.py"
+    run = run_script(program, "-h", environment={**os.environ})
+    assert run.stdout.startswith("usage: joint_controllers.py ")
+    for name in ("NAME/joint", "NAME/command", "NAME/state", "~model_name"):
+        assert name in run.stdout
 
 
 def test_python_nodes_find_the_functions_of_the_original():

@@ -24,6 +24,9 @@ from g1_description.msg import RobotState as RobotStateMessage
 from g1_description.robot.state import RobotState
 from g1_description.text import listed
 
+COMMAND_FIELDS = ("q", "dq", "kp", "kd", "tau")
+"""Fields of commands to motors, in each message, in the order of ``PdCommand``."""
+
 
 def stamp_from_ns(time_ns: int) -> genpy.Time:
     """Convert a time in [ns]."""

@@ -25,9 +25,10 @@ from robot_msgs.msg import MotorCommand, MotorState
 from sensor_msgs.msg import JointState
 
 from g1_description.bounds import MAX_VALUE
-from g1_description.command_line import Ignored, OneSentenceParser
+from g1_description.command_line import OneSentenceParser
 from g1_description.errors import G1DescriptionError, UnknownNameError
 from g1_description.msg import MotorCommands, MotorStates
+from g1_description.ros.conversions import COMMAND_FIELDS
 from g1_description.ros.lifecycle import own_arguments, start_node
 from g1_description.ros.log import SHORT_PERIOD, ThrottledLog
 from g1_description.text import listed
@@ -37,9 +38,6 @@ GAZEBO = "/gazebo"
 
 ALL_JOINTS = "joint_state_controller"
 """The controller that publishes the states of all joints."""
-
-FIELDS = ("q", "dq", "kp", "kd", "tau")
-"""Fields of a command, in each message."""
 
 PERIOD = 0.001
 """Shortest time between two messages to the simulator, in [s]: a program that commands
@@ -58,7 +56,7 @@ class JointControllers:
             has_all: Whether to publish the states of all joints.
         """
         self._model, self._joints = model, [*joints.values()]
-        self._commands = np.zeros((len(FIELDS), len(joints)))
+        self._commands = np.zeros((len(COMMAND_FIELDS), len(joints)))
         self._is_commanded = np.zeros(len(joints), dtype=bool)
         self._log = ThrottledLog()
         self._lock, self._changed = threading.Lock(), threading.Event()
@@ -89,11 +87,11 @@ class JointControllers:
 
         The simulator refuses a message whole.
         """
-        values = [getattr(command, name) for name in FIELDS]
+        values = [getattr(command, name) for name in COMMAND_FIELDS]
         is_finite = all(abs(value) <= MAX_VALUE for value in values)
         if not is_finite or command.kp < 0.0 or command.kd < 0.0:
             joint = self._joints[number]
-            got = ", ".join(f"{name}: {v}" for name, v in zip(FIELDS, values))
+            got = ", ".join(f"{name}: {v}" for name, v in zip(COMMAND_FIELDS, values))
             self._log.warn(
                 joint,
                 f"{joint}: ignored a command, as all numbers must be within "
@@ -137,7 +135,9 @@ class JointControllers:
                 values = self._commands[:, rows].tolist()
             names = [self._joints[row] for row in rows.tolist()]
             self._motors.publish(
-                model_name=self._model, joint_names=names, **dict(zip(FIELDS, values))
+                model_name=self._model,
+                joint_names=names,
+                **dict(zip(COMMAND_FIELDS, values)),
             )
             rospy.rostime.wallsleep(PERIOD)
 
@@ -162,15 +162,16 @@ def find_joints(names: Sequence[str]) -> dict[str, str]:
     return joints
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> OneSentenceParser:
     """Make a parser of the arguments of controller_manager's spawner."""
     made = OneSentenceParser(
-        prog="spawner", description="Run a controller of each joint of a model."
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    made.set_defaults(ignored=[])
-    made.add_argument("controllers", nargs="+", help="names of controllers")
-    for names in (("--wait-for",), ("--shutdown-timeout",), ("--timeout",)):
-        made.add_argument(*names, dest="ignored", action=Ignored, metavar="VALUE")
+    made.add_argument(
+        "controllers", nargs="+", metavar="NAME", help="names of controllers"
+    )
+    for name in ("--wait-for", "--shutdown-timeout", "--timeout"):
+        made.add_argument(name, metavar="VALUE", help="ignored")
     return made
 
 

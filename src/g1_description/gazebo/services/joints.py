@@ -30,7 +30,7 @@ from g1_description.gazebo.services.base import (
 from g1_description.motion.motion import Motion
 from g1_description.msg import ModelTrajectory, MotorCommands
 from g1_description.robot.assembly import SCOPE
-from g1_description.ros.conversions import stamp_from_ns
+from g1_description.ros.conversions import COMMAND_FIELDS, stamp_from_ns
 from g1_description.ros.log import SHORT_PERIOD
 from g1_description.sim.drives import PdCommand
 from g1_description.sim.model import Model
@@ -196,7 +196,7 @@ def drive(simulation: Simulation, message: MotorCommands) -> None:
     world, name = simulation.world, message.model_name
     model = world.model(name)
     names = message.joint_names
-    lists = {field: getattr(message, field) for field in ("q", "dq", "kp", "kd", "tau")}
+    lists = {field: getattr(message, field) for field in COMMAND_FIELDS}
     for field, numbers in lists.items():
         if numbers and len(numbers) != len(names):
             raise InvalidValueError(
