@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from g1_description.sim.engine import MAX_EFFORT, Engine
+from g1_description.sim.drives import MAX_EFFORT
+from g1_description.sim.engine import Engine
 from g1_description.sim.entities import Entity
 from g1_description.sim.model import Model
 
