@@ -65,7 +65,8 @@ def test_an_empty_file_has_no_motors(file):
         ("- knee", "must map patterns of joint names to numbers"),
         (
             "knee: 5",
-            "'knee' must map effort, position_gain, velocity_gain to numbers (got 5)",
+            "'knee' must map some of kind, effort, position_gain, velocity_gain, "
+            "stiffness, damping, armature to their values (got 5)",
         ),
         (
             "knee: {torque: 5}",

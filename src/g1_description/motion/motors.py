@@ -156,8 +156,11 @@ def _pattern(key: object) -> str:
 def _motor(key: object, value: object) -> Motor:
     """Read an entry."""
     if not isinstance(value, dict):
-        known = listed([field.name for field in fields(ServoMotor)])
-        raise MotorFileError(f"'{key}' must map {known} to numbers (got {value!r})")
+        names = [field.name for kind in KINDS.values() for field in fields(kind)]
+        raise MotorFileError(
+            f"'{key}' must map some of {listed(['kind', *names])} to their values (got "
+            f"{value!r})"
+        )
     numbers = dict(value)
     kind = str(numbers.pop("kind", "servo"))
     if kind not in KINDS:
