@@ -18,7 +18,7 @@ TOP = {"errors", "text", "bounds", "interrupts", "command_line", "threads"}
 ROBOT = {"files", "robot"}
 SIM = ROBOT | {"sdf", "motion", "sim"}
 CHECKS = SIM | {"collisions", "checks"}
-ROS = CHECKS | {"render", "ros", "api"}
+ROS = CHECKS | {"ik", "render", "ros", "api"}
 BELOW = {
     "files": set(),
     "robot": {"files"},

@@ -9,8 +9,15 @@ import rosgraph
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from g1_description.msg import RobotState, RobotTrajectory
-from g1_description.srv import CheckState, CheckTrajectory
-from geometry_msgs.msg import Point, Pose, Quaternion, Transform, Vector3
+from g1_description.srv import CheckState, CheckTrajectory, SolveIK
+from geometry_msgs.msg import (
+    Point,
+    Pose,
+    PoseStamped,
+    Quaternion,
+    Transform,
+    Vector3,
+)
 from sensor_msgs.msg import JointState
 from support.ros_testing import DEADLINE, Connected, wait_for
 from tf2_msgs.msg import TFMessage
@@ -22,6 +29,7 @@ from trajectory_msgs.msg import (
 )
 from visualization_msgs.msg import Marker, MarkerArray
 
+from g1_description import Robot
 from g1_description.robot.urdf import parse_urdf
 from g1_description.ros.conversions import transform
 
@@ -166,6 +174,92 @@ class TestChecks(unittest.TestCase):
             answer = self.check_trajectory(motion, [])
             self.assertFalse(answer.success)
             self.assertIn(words, answer.status_message)
+
+    # Inverse kinematics
+
+    def solve(self, targets, frame="map", node="/quiet_checker", **request):
+        """Ask for positions of links, from a standing robot."""
+        call = rospy.ServiceProxy(f"{node}/solve_ik", SolveIK)
+        call.wait_for_service(DEADLINE)
+        if node == "/quiet_checker":
+            joints = JointState(name=[KNEE], position=[0.0])
+            where = {"joint_state": joints, "has_base": True, "base_pose": pose()}
+            request = {**where, **request}
+        poses = [PoseStamped(pose=Pose(position=Point(*to))) for to in targets.values()]
+        for stamped in poses:
+            stamped.header.frame_id = frame
+        return call(
+            ik_link_names=[*targets],
+            pose_stamped_vector=poses,
+            position_only=[True] * len(targets),
+            **request,
+        )
+
+    def places(self, answer):
+        """Compute where links are in a solution."""
+        robot = Robot(rospy.get_param("/robot_description"))
+        p, q = answer.base_pose.position, answer.base_pose.orientation
+        base = [p.x, p.y, p.z, q.x, q.y, q.z, q.w]
+        positions = dict(zip(answer.solution.name, answer.solution.position))
+        return robot.link_poses(positions, base)
+
+    def test_ik_1_a_hand_reaches_while_the_feet_stay(self):
+        target = [0.4, 0.25, 0.8]
+        answer = self.solve({"left_hand": target}, balance=True, avoid_collisions=True)
+        self.assertEqual((answer.success, answer.reached), (True, True), answer)
+        self.assertEqual(answer.links, ["left_foot", "right_foot", "left_hand"])
+        places = self.places(answer)
+        hand = places["left_rubber_hand"][:3]
+        np.testing.assert_allclose(hand, target, rtol=0, atol=1e-3)
+        still = Robot(rospy.get_param("/robot_description")).link_poses(
+            {}, [0, 0, STANDING, 0, 0, 0, 1]
+        )
+        for foot in ("left_ankle_roll_link", "right_ankle_roll_link"):
+            np.testing.assert_allclose(places[foot], still[foot], rtol=0, atol=1e-3)
+        checked = self.check_state(answer.solution, True, answer.base_pose, [])
+        self.assertTrue(checked.valid, checked.findings)
+
+    def test_ik_2_a_target_may_be_in_any_frame(self):
+        place = [1.0, 2.0, 0.0, 0.0, 0.0, 1.0, 0.0]
+        self.static.publish(TFMessage([transform(rospy.Time(), "map", "table", place)]))
+        answer = self.solve({"left_hand": [0.6, 1.75, 0.8]}, "table")
+        self.assertTrue(answer.reached, answer.status_message)
+        hand = self.places(answer)["left_rubber_hand"][:3]
+        np.testing.assert_allclose(hand, [0.4, 0.25, 0.8], rtol=0, atol=1e-3)
+
+    def test_ik_3_what_is_not_reached_is_told_with_its_distance(self):
+        answer = self.solve({"left_hand": [0.4, 0.9, 0.8]}, fixed_base=True)
+        self.assertEqual((answer.success, answer.reached), (True, False))
+        places = self.places(answer)
+        far = np.linalg.norm(places["left_rubber_hand"][:3] - [0.4, 0.9, 0.8])
+        self.assertAlmostEqual(answer.position_errors[-1], far, places=6)
+        self.assertTrue(math.isnan(answer.rotation_errors[-1]))
+        self.assertIn(f"left_hand is {1e3 * far:.3g} mm", answer.status_message)
+        self.assertEqual(answer.base_pose, pose())
+
+    def test_ik_4_a_wrong_request_is_refused_in_a_sentence(self):
+        hand = {"left_hand": [0.4, 0.25, 0.8]}
+        nowhere = JointState()
+        knee = JointState(name=[KNEE], position=[math.nan])
+        for targets, request, words in (
+            ({"left_hnad": [0.0] * 3}, {}, "Unknown link 'left_hnad'"),
+            ({"left_hand": [math.nan, 0.0, 0.0]}, {}, "nan"),
+            (hand, {"frame": "nowhere"}, "nothing publishes it on /tf"),
+            (hand, {"joint_state": nowhere}, "state of the robot is unknown"),
+            (hand, {"joint_state": knee}, "must be finite"),
+            (hand, {"hold": ["foot"]}, "Unknown link 'foot'"),
+            (hand, {"hold_nothing": True, "balance": True}, "Balance needs held links"),
+        ):
+            answer = self.solve(targets, **request)
+            self.assertEqual((answer.success, answer.reached), (False, False), words)
+            self.assertIn(words, answer.status_message)
+            self.assertEqual(answer.solution.name, [])
+        call = rospy.ServiceProxy("/quiet_checker/solve_ik", SolveIK)
+        answer = call(ik_link_names=["left_hand"])
+        self.assertIn("must have the same length", answer.status_message)
+        twice = [PoseStamped(), PoseStamped()]
+        answer = call(ik_link_names=["head", "head"], pose_stamped_vector=twice)
+        self.assertIn("head has several targets", answer.status_message)
 
     # The robot that is there
 
@@ -410,7 +504,21 @@ class TestChecks(unittest.TestCase):
         states.unregister()
         self.wait_for_status(OK, "no findings")
 
-    def test_without_a_rate_there_are_only_services(self):
+    def test_live_93_ik_starts_at_the_robot_that_is_there(self):
+        answers = []
+
+        def bent():
+            self.show(0.7, left_elbow_joint=1.2)
+            answers.append(self.solve({}, node="/left/checker", hold_nothing=True))
+            solution = answers[-1].solution
+            found = dict(zip(solution.name, solution.position))
+            return abs(found.get("left_elbow_joint", 0.0) - 1.2) < 1e-9
+
+        wait_for(bent, "an answer for the state that is shown")
+        self.assertTrue(answers[-1].reached)
+        self.assertAlmostEqual(answers[-1].base_pose.position.z, 0.7)
+
+    def test_a_checker_without_a_rate_has_only_services(self):
         rospy.wait_for_service("/quiet_checker/check_state", DEADLINE)
         published, subscribed, served = rosgraph.Master("/test").getSystemState()
         node = "/quiet_checker"

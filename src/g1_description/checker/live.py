@@ -16,6 +16,7 @@ from g1_description.checks.live import LiveCheck
 from g1_description.checks.measured import NO_BASE
 from g1_description.checks.verdict import FAILED, WARNING, Finding, Verdict
 from g1_description.errors import G1DescriptionError
+from g1_description.robot.state import RobotState
 from g1_description.ros.lifecycle import quiet_when_closing
 from g1_description.ros.robot_states import RobotStates
 from g1_description.text import listed
@@ -149,6 +150,8 @@ class LiveChecks:
         self._period = 1.0 / rate
         self._check = LiveCheck(checker)
         self._health = CheckHealth()
+        self.newest: RobotState | None = None
+        """The last state; None before the first one."""
         self._stopped = threading.Event()
         rospy.on_shutdown(self._stopped.set)
         for target in (self._check_forever, self._report_forever):
@@ -180,6 +183,7 @@ class LiveChecks:
             state = self._states.newest()
             if state is None:
                 return
+            self.newest = state
             if self._states.began_again.is_set():
                 self._states.began_again.clear()
                 self._check.begin_again()
