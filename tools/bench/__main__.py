@@ -42,6 +42,7 @@ from .graph import (
     free_port,
     wait_for,
 )
+from .ik import ik
 from .peer import Peer
 from .physics import physics
 from processes import marked_processes
@@ -725,7 +726,18 @@ def is_open(port):
 
 PARTS = {
     part.__name__: part
-    for part in (start, display, latency, bridge, foot, physics, checks, folder, page)
+    for part in (
+        start,
+        display,
+        latency,
+        bridge,
+        foot,
+        physics,
+        ik,
+        checks,
+        folder,
+        page,
+    )
 }
 
 

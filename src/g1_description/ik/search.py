@@ -8,7 +8,7 @@ import numpy as np
 
 from g1_description.ik.solver import Bounds, Configuration, IkSolver, LinkTask, View
 
-FINE = 0.01
+FINE = 0.1
 """Fraction of the tolerance at which a search ends."""
 
 DAMPING = 1e-3
