@@ -72,6 +72,7 @@ class TestJointControllers(unittest.TestCase):
         self.assertIn("left_hip_pitch_joint", message.name)
         sizes = {len(message.name), len(message.position), len(message.effort)}
         self.assertEqual(sizes, {29})
+        states.wait(lambda m: max(map(abs, m.effort)) > 0.5, "an effort that holds")
 
     def test_a_controller_without_a_joint_is_told(self):
         command = [program("joint_controllers.py"), "no_controller", "__ns:=/g1_gazebo"]

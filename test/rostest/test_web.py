@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 import rospy
 import yaml
+from g1_description.msg import RobotState
 from g1_description.srv import GetAnchor, SetAnchor
 from gazebo_msgs.srv import GetWorldProperties
 from sensor_msgs.msg import JointState
@@ -22,7 +23,9 @@ from support import browser
 from support.pictures import read_picture, share_changed
 from support.ros_testing import DEADLINE, Connected, position_of, service, wait_for
 
+import g1_description
 from g1_description.cli import doctor
+from g1_description.ros.conversions import robot_state_from_message
 
 from page_client import PageClient
 
@@ -228,6 +231,47 @@ def test_sliders_move_the_robot_and_follow_it(page, robot, zero):
     robot.command(**{KNEE: 0.3})
     page.wait_for(lambda: zero.value() == 0.3, "the slider")
     assert float(zero.shown()) == 0.3
+
+
+def test_a_hand_is_dragged_and_the_feet_stay(address, robot):
+    robot.command(**{KNEE: 0.0})  # both feet are to be on the floor
+    wait_for(lambda: robot.is_at(KNEE, 0.0), "straight knees")
+    model, states = g1_description.Robot(), Connected("/robot_state", RobotState)
+
+    def places():
+        wait_for(lambda: states.messages, "a state")
+        state = states.messages[-1]
+        positions = dict(zip(state.name, state.position))
+        place = robot_state_from_message(state).base_pose
+        return model.link_poses(positions, place)
+
+    before = places()
+    hand = before["left_rubber_hand"]
+    goal = hand[:3] + np.array([0.1, 0.05, 0.1])
+
+    def is_at(place):
+        return np.allclose(places()["left_rubber_hand"][:3], place, atol=1e-3)
+
+    with PageClient(address) as client:
+        client.set("Gizmos", True)
+        client.wait_until_whole()
+        (name,) = (n for n in list(client.nodes) if n.endswith("/left_hand"))
+        turn, place = hand[[6, 3, 4, 5]].tolist(), goal.tolist()
+        client.send(
+            "TransformControlsUpdateMessage",
+            name=name,
+            wxyz=tuple(turn),
+            position=tuple(place),
+            owner="",
+        )
+        wait_for(lambda: is_at(goal), "the hand where it was dragged")
+        after = places()
+        for foot in (LEFT_FOOT, "right_ankle_roll_link"):
+            np.testing.assert_allclose(after[foot], before[foot], rtol=0, atol=1e-3)
+        client.set("Change", "Undo")
+        wait_for(lambda: is_at(hand[:3]), "the hand where it was")
+        client.set("Gizmos", False)
+    states.close()
 
 
 def test_links_that_collide_are_red(page, robot, zero):

@@ -164,6 +164,7 @@ class InverseKinematics:
         base: np.ndarray,
         options: IkOptions,
         starts: int = STARTS,
+        begin: tuple[np.ndarray, np.ndarray] | None = None,
     ) -> IkResult:
         """Search a configuration.
 
@@ -174,14 +175,17 @@ class InverseKinematics:
             base: Pose of the base link at the start, shape (7,).
             options: What the configuration keeps to.
             starts: Most starts; 1: only the given one.
+            begin: Positions and base at which the search begins; None: the start, which
+                is where links are held, and the posture to prefer, in any case.
 
         Raises:
             UnknownNameError: If a link is unknown.
             InvalidValueError: If a target is not a pose, or balance has no support.
         """
         problem = self._problem(targets, positions, base, options)
-        start, tasks, bounds = problem.start, problem.tasks, problem.bounds
-        view, steps = search(self._solver, start, tasks, bounds, start.position, starts)
+        first = problem.start if begin is None else self._configuration(*begin)
+        tasks, bounds, posture = problem.tasks, problem.bounds, problem.start.position
+        view, steps = search(self._solver, first, tasks, bounds, posture, starts)
         return self._result(problem, view, steps)
 
     def path(
@@ -252,10 +256,7 @@ class InverseKinematics:
         options: IkOptions,
     ) -> _Problem:
         """Find the tasks and bounds of targets."""
-        start = Configuration(
-            compose(base, self._T_base_root),
-            np.clip(positions, self._lower, self._upper),
-        )
+        start = self._configuration(positions, base)
         poses = self._solver.kinematics.link_poses(*start)
         moved = self._tasks(targets, options.weights)
         held = self._held(options.hold, moved)
@@ -280,6 +281,11 @@ class InverseKinematics:
         )
         tasks = {**stays, **moved}
         return _Problem(start, tuple(tasks), tuple(tasks.values()), bounds)
+
+    def _configuration(self, positions: np.ndarray, base: np.ndarray) -> Configuration:
+        """Place the root, and joints within their limits."""
+        within = np.clip(positions, self._lower, self._upper)
+        return Configuration(compose(base, self._T_base_root), within)
 
     def _row(self, name: str) -> int:
         """Return the row of a link, given by its name or role."""

@@ -121,6 +121,15 @@ class StillRobot:
             self._base[:3] -= self.offset
             self._renew()
 
+    def command_all(self, positions: Mapping[str, float], base: np.ndarray) -> None:
+        """Set joints and the pose of the base."""
+        with self._lock:
+            self._way = None
+            self._positions = {**self._positions, **positions}
+            self._base = base.copy()
+            self._base[:3] -= self.offset
+            self._renew()
+
     def go(self, trajectory: Motion) -> None:
         """Play a motion of joints from now."""
         with self._lock:

@@ -1,10 +1,11 @@
 """A robot of a bridge, as shown and moved by a page.
 
 Subscribes, while the page is open: robot_state, or else joint_states and TF, as
-ros.robot_states.RobotStates Publishes: joint_commands (sensor_msgs/JointState),
-base_command (geometry_msgs/PoseStamped) Calls: play_motion (g1_description/PlayMotion),
-set_anchor (g1_description/SetAnchor), get_anchor of the simulator
-(g1_description/GetAnchor)
+    ros.robot_states.RobotStates
+Publishes: joint_commands (sensor_msgs/JointState), base_command
+    (geometry_msgs/PoseStamped), motion (g1_description/RobotTrajectory)
+Calls: play_motion (g1_description/PlayMotion), set_anchor (g1_description/SetAnchor),
+    get_anchor of the simulator (g1_description/GetAnchor)
 """
 
 from __future__ import annotations
@@ -21,6 +22,8 @@ from sensor_msgs.msg import JointState
 
 from g1_description.bridge.parameters import RobotParameters, topic_of
 from g1_description.errors import InvalidValueError
+from g1_description.motion.motion import Motion
+from g1_description.msg import RobotTrajectory
 from g1_description.robot.assembly import WORLD, base_of
 from g1_description.robot.description import Description
 from g1_description.robot.state import RobotState
@@ -28,6 +31,7 @@ from g1_description.ros.conversions import pose_from_array
 from g1_description.ros.lifecycle import quiet_when_closing
 from g1_description.ros.log import ThrottledLog
 from g1_description.ros.master import SERVICE_ERRORS
+from g1_description.ros.motion_messages import whole_body_message
 from g1_description.ros.playing import MotionClient, set_anchor
 from g1_description.ros.robot_states import RobotStates
 from g1_description.srv import GetAnchor, PlayMotion, SetAnchor
@@ -68,6 +72,12 @@ class LiveRobot:
         self._base_commands = rospy.Publisher(
             topic_of(parameters, "base_command"),
             PoseStamped,
+            queue_size=QUEUE_SIZE,
+            tcp_nodelay=True,
+        )
+        self._motions = rospy.Publisher(
+            topic_of(parameters, "motion"),
+            RobotTrajectory,
             queue_size=QUEUE_SIZE,
             tcp_nodelay=True,
         )
@@ -161,6 +171,14 @@ class LiveRobot:
         message.header.frame_id = self._map
         with quiet_when_closing():
             self._base_commands.publish(message)
+
+    def command_all(self, positions: Mapping[str, float], base: np.ndarray) -> None:
+        """Command positions of joints and the pose of the base in one message."""
+        values = np.array([[*positions.values()]], dtype=float)
+        place = base[np.newaxis]
+        motion = Motion(np.zeros(1), tuple(positions), values, base_poses=place)
+        with quiet_when_closing():
+            self._motions.publish(whole_body_message(motion))
 
     def set_anchor(self, link: str) -> None:
         """Set the link that stays at its place while joints move.

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from g1_description.checks.verdict import Verdict
+from g1_description.collisions.self_collisions import SelfCollisions
 from g1_description.robot.state import RobotState
 from g1_description.web.check_thread import CheckThread, MakeChecker
 from g1_description.web.controls import BasePanel, JointPanel, PosePanel
@@ -19,6 +20,7 @@ from g1_description.web.library import Library
 from g1_description.web.library_panel import LibraryPanel
 from g1_description.web.motion_panel import MotionPanel
 from g1_description.web.plots import PlotPanel
+from g1_description.web.reach_panel import ReachPanel, roles_of
 from g1_description.web.robot import ShownRobot, ShownWorld
 from g1_description.web.scene.marks import KEYS as POINTED
 from g1_description.web.scene.marks import Pointer
@@ -70,6 +72,7 @@ class Page:
         """
         self._server, self._world = server, world
         self.ui = UiLoop(server, world.changed)
+        self._make_checker = make_checker
         self._checks = CheckThread(self.ui, make_checker, self._seen)
         self._stage = Stage(server)
         self._pointer = Pointer(server)
@@ -168,7 +171,15 @@ class Page:
         server, robot = self._server, shown.robot
         shown.joints = JointPanel(server.gui, self.ui, robot)
         shown.base = BasePanel(server, self.ui, robot)
+        if roles_of(robot):
+            shown.reach = ReachPanel(
+                server, self.ui, robot, shown.joints, partial(self._collisions, robot)
+            )
         PosePanel(server.gui, self.ui, self._world, robot, shown.joints)
+
+    def _collisions(self, robot: ShownRobot) -> SelfCollisions:
+        """Prepare the self-collisions of a robot."""
+        return self._make_checker(robot.description).collisions
 
     def _name_on_click(self, shown: Shown) -> None:
         """Show the name of a link on a click, or under the mouse."""
@@ -237,7 +248,7 @@ class Page:
         if self._view is None or not self._view.follow.value:
             self._stage.follow(np.zeros(2))
             return
-        if any(s.base is not None and s.base.has_gizmo for s in self._shown):
+        if any(shown.has_gizmo for shown in self._shown):
             return  # which would run away from the mouse
         state = states.get(self._shown[0].robot)
         if state is not None and state.base_pose is not None:

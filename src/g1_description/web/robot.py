@@ -34,6 +34,9 @@ class ShownRobot(Protocol):
     def command_base(self, pose: np.ndarray) -> None:
         """Command the pose of the base: T_map_base, shape (7,)."""
 
+    def command_all(self, positions: Mapping[str, float], base: np.ndarray) -> None:
+        """Set joints and the pose of the base, T_map_base, at once."""
+
     def set_anchor(self, link: str) -> None:
         """Set ``anchor``; may block.
 

@@ -11,6 +11,7 @@ from g1_description.checks.verdict import Verdict
 from g1_description.robot.rotation import angle_between
 from g1_description.robot.state import RobotState
 from g1_description.web.controls import BasePanel, JointPanel
+from g1_description.web.reach_panel import ReachPanel
 from g1_description.web.robot import ShownRobot
 from g1_description.web.scene.marks import SceneMarks
 from g1_description.web.scene.robot import SEE_THROUGH, SceneRobot
@@ -53,11 +54,20 @@ class Shown:
         self.joints: JointPanel | None = None
         """Its sliders, where it can be moved."""
         self.base: BasePanel | None = None
+        self.reach: ReachPanel | None = None
         self._ghost: SceneRobot | None = None
         self._trails = Trails(self._scene, f"{MAP}/trails/{self._name}", description)
         self._canvas = SceneMarks(self._scene, f"{MAP}/checks/{self._name}")
         self._state: RobotState | None = None
         self._checked: RobotState | None = None
+
+    @property
+    def has_gizmo(self) -> bool:
+        """Whether a gizmo of it is shown."""
+        return bool(
+            (self.base is not None and self.base.has_gizmo)
+            or (self.reach is not None and self.reach.has_gizmos)
+        )
 
     def show(self, state: RobotState) -> None:
         """Show where the robot is."""
@@ -67,6 +77,8 @@ class Shown:
             self.joints.follow(state)
         if self.base is not None:
             self.base.follow(state)
+        if self.reach is not None:
+            self.reach.follow(state)
 
     def show_commanded(self, is_on: bool) -> None:
         """Show the commanded configuration, where it differs from the measured one."""
