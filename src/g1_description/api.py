@@ -301,7 +301,8 @@ class Robot:
                 on the floor, by a centimetre.
             collisions: Whether links that are checked for collisions keep 2 mm apart.
             base_motion: How the base moves: ``free``, ``planar`` (along and about the
-                floor) or ``fixed``; None: free if a link is held, else fixed.
+                floor) or ``fixed``; None: free if a link is held or a foot has a
+                target, else fixed.
             weights: Of targets by name, by default 1; infinite: the others must not
                 disturb it, as with held links.
 
@@ -346,7 +347,7 @@ class Robot:
         """
         from g1_description.ik.inverse_kinematics import IkOptions
 
-        own, kept = np.array(times, dtype=float), IkOptions(**options)
+        own, kept = np.array(times, dtype=float), IkOptions.of("ik_path", options)
         begin, pose = self._start(start, base)
         return self._inverse_kinematics(kept.collisions).path(
             own, targets, begin, pose, kept

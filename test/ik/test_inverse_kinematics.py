@@ -210,7 +210,6 @@ def test_a_slider_slides(x, wanted):
         ({"load": 2.0}, 0.8),
         ({"cart": 3.0}, 0.1),
         ({"cart": np.inf}, 1e-4),
-        ({"load": 0.0}, 0.0),
     ],
 )
 def test_contradictory_targets_are_weighted(weights, wanted):
@@ -220,7 +219,7 @@ def test_contradictory_targets_are_weighted(weights, wanted):
     targets = {"cart": [0.0, 0.0, 0.0], "load": [1.0, 0.0, 0.0]}
     result = Robot(text).ik(targets, [0.3], weights=weights)
     assert result.positions[0] == pytest.approx(wanted, abs=2e-4)
-    assert result.reached == (weights == {"load": 0.0})
+    assert not result.reached
 
 
 @pytest.mark.parametrize("motion", ["fixed", "planar"])
@@ -309,7 +308,7 @@ def test_a_path_that_is_too_fast_lags_and_catches_up():
     targets = np.stack([x, 0.0 * x, 0.0 * x], axis=1)
     path = Robot(SLIDER).ik_path(times, {"cart": targets})
     speeds = np.abs(np.diff(path.motion.positions[:, 0])) / 0.05
-    assert speeds.max() == pytest.approx(0.5)
+    assert speeds.max() == pytest.approx(0.5, rel=2e-3)
     assert not path.reached
     assert [result.reached for result in path.results[:20]] == [True] * 20
     assert path.results[25].errors["cart"].position > 0.5
@@ -325,12 +324,26 @@ def test_a_path_that_is_too_fast_lags_and_catches_up():
         ({"targets": {"left_hand": "up"}}, "target of left_hand must be a position"),
         ({"targets": {"left_hand": [0] * 7}}, "quaternion of left_hand must have len"),
         ({"hold": ["foot"]}, "Unknown link 'foot'"),
-        ({"hold": [], "balance": True}, "Balance needs held links"),
+        ({"hold": [], "balance": True}, "Balance needs links that stand on the floor"),
+        ({"targets": [0.4, 0.2, 0.4]}, "targets must be a dictionary by link"),
+        ({"weights": 2.0}, "weights must be a dictionary by link"),
+        (
+            {"targets": {"left_hand": [0, 0, 1], "left_rubber_hand": [0, 0, 1]}},
+            "left_hand and left_rubber_hand are the same link",
+        ),
+        (
+            {"targets": {"left_hand": [0, 0, 1]}, "hold": ["left_rubber_hand"]},
+            "left_rubber_hand is held, so it cannot have a target",
+        ),
+        (
+            {"targets": {"head": [0, 0, 1]}, "weights": {"head": 0.0}},
+            "weight of head must be a number greater than 0",
+        ),
         ({"base_motion": "sideways"}, "must be one of free, planar, fixed .*sideways"),
         ({"weights": {"head": 2.0}}, "weight but no target of head"),
         (
             {"targets": {"head": [0, 0, 1]}, "weights": {"head": -1.0}},
-            "weight of head must be a number at least 0",
+            "weight of head must be a number greater than 0",
         ),
         ({"start": np.zeros((2, 29))}, "start must be a single configuration"),
     ],
@@ -339,6 +352,59 @@ def test_a_wrong_request_is_refused_in_a_sentence(g1, given, problem):
     request = {"targets": {}, "base": BASE, **given}
     with pytest.raises((InvalidValueError, UnknownNameError), match=problem):
         g1.ik(**request)
+
+
+def test_balance_is_also_that_of_feet_with_targets(g1):
+    start = g1.pose("stand")
+    poses = g1.link_poses(start, BASE)
+    feet = {"left_foot": poses[FEET[0]].copy(), "right_foot": poses[FEET[1]].copy()}
+    feet["left_foot"][1] -= 0.04
+    feet["right_foot"][1] += 0.04
+    targets = {**feet, "left_hand": [0.35, 0.25, 0.5]}
+    result = g1.ik(targets, start, BASE, balance=True)
+    assert result.reached
+    only = ("center_of_mass",)
+    assert g1.check_state(result.positions, result.base, only).passed
+
+
+@pytest.mark.parametrize("collisions", [False, True])
+def test_a_path_reaches_in_each_sample_what_can_be_reached(g1, collisions):
+    """Where tasks leave a choice, steps must not overshoot from sample to sample."""
+    start, times = g1.pose("stand"), np.linspace(0.0, 4.0, 201)
+    hand = g1.link_poses(start, BASE)["left_rubber_hand"][:3]
+    share = 0.5 - 0.5 * np.cos(np.pi * times / 4.0)
+    goal = np.array([0.2, 0.3, 0.2])
+    targets = {"left_hand": hand + share[:, np.newaxis] * (goal - hand)}
+    options = {"balance": True, "collisions": collisions}
+    path = g1.ik_path(times, targets, start, BASE, **options)
+    assert path.message == ""
+    speeds = np.diff(path.motion.positions, axis=0) / 0.02
+    assert np.abs(speeds).max() < 1.5
+    assert np.abs(np.diff(speeds, axis=0)).max() / 0.02 < 60.0
+
+
+def test_a_path_at_the_limits_of_speed_passes_the_check(g1):
+    times = np.linspace(0.0, 0.05, 11)
+    targets = {"left_hand": np.linspace([0.1, 0.2, 0.7], [0.2, 0.3, 1.5], 11)}
+    path = g1.ik_path(times, targets, g1.pose("stand"), BASE)
+    assert not path.reached
+    assert path.message.startswith("Not all is reached in ")
+    assert g1.check(path.motion, only=("velocity",)).findings == ()
+
+
+def test_times_of_a_path_must_increase():
+    with pytest.raises(InvalidValueError, match="times of a path must increase"):
+        Robot(SLIDER).ik_path([1.0, 0.0], {"cart": np.zeros((2, 3))})
+
+
+def test_an_unknown_option_of_a_path_is_refused():
+    with pytest.raises(TypeError, match=r"argument 'balanc' \(did you mean balance"):
+        Robot(SLIDER).ik_path([0.0], {"cart": np.zeros((1, 3))}, balanc=True)
+
+
+def test_large_distances_are_in_metres():
+    result = Robot(SLIDER).ik({"cart": [3.5, 0.0, 0.0]})
+    assert result.message == "Not reached: cart is 2.50 m from its target."
 
 
 @pytest.mark.parametrize("rows", [0, 3])

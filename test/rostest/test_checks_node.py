@@ -243,12 +243,12 @@ class TestChecks(unittest.TestCase):
         knee = JointState(name=[KNEE], position=[math.nan])
         for targets, request, words in (
             ({"left_hnad": [0.0] * 3}, {}, "Unknown link 'left_hnad'"),
-            ({"left_hand": [math.nan, 0.0, 0.0]}, {}, "nan"),
+            ({"left_hand": [math.nan, 0.0, 0.0]}, {}, "target of left_hand must be"),
             (hand, {"frame": "nowhere"}, "nothing publishes it on /tf"),
             (hand, {"joint_state": nowhere}, "state of the robot is unknown"),
             (hand, {"joint_state": knee}, "must be finite"),
             (hand, {"hold": ["foot"]}, "Unknown link 'foot'"),
-            (hand, {"hold_nothing": True, "balance": True}, "Balance needs held links"),
+            (hand, {"hold_nothing": True, "balance": True}, "Balance needs links"),
         ):
             answer = self.solve(targets, **request)
             self.assertEqual((answer.success, answer.reached), (False, False), words)

@@ -63,6 +63,10 @@ class IkService:
         try:
             targets = self._targets(request)
             positions, base = self._start(request)
+            if request.hold and request.hold_nothing:
+                raise InvalidValueError("hold must be empty with hold_nothing.")
+            if request.has_base and not request.joint_state.name:
+                raise InvalidValueError("base_pose needs joint_state with positions.")
             hold = () if request.hold_nothing else request.hold or None
             motion = "fixed" if request.fixed_base else None
             options = IkOptions(hold, request.balance, request.avoid_collisions, motion)
@@ -103,7 +107,7 @@ class IkService:
             raise InvalidValueError(f"{repeated[0]} has several targets.")
         targets = {}
         for name, stamped, is_free in zip(names, poses, only):
-            pose = pose_from_numbers(pose_to_array(stamped.pose))
+            pose = pose_to_array(stamped.pose)
             header = stamped.header
             pose = self._frame.pose_in_map(pose, header.frame_id, header.stamp)
             targets[name] = pose[:3] if is_free else pose

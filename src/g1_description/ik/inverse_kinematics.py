@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,7 +28,7 @@ from g1_description.robot.launch_arguments import FEET
 from g1_description.robot.rotation import normalized, rotate
 from g1_description.robot.transform import compose, inverse
 from g1_description.sim.standing import outlines
-from g1_description.text import listed, similar_first
+from g1_description.text import did_you_mean, listed, similar_first
 
 ROTATION_WEIGHT = 0.3
 """Weight of errors of rotation in [rad], against those of position in [m]."""
@@ -49,6 +49,9 @@ BASES = {
     "fixed": np.zeros(6),
 }
 """How the base may move: along and about the world's axes."""
+
+SPEED_SHARE = 0.999
+"""Share of the velocity limits that paths use: others round to the limit itself."""
 
 PATH_STEPS = 20
 """Most steps from one sample of a path to the next."""
@@ -79,11 +82,28 @@ class IkOptions:
     """Whether links keep away from each other."""
 
     base_motion: str | None = None
-    """How the base moves, one of ``BASES``; None: freely if a link is held, else not at
-    all. A base that the robot's file fixes to the world never moves."""
+    """How the base moves, one of ``BASES``; None: freely if a link is held or a foot
+    has a target, else not at all. A base that the robot's file fixes to the world never
+    moves."""
 
     weights: Mapping[str, float] | None = None
     """Weights of targets, by default 1; infinite: others must not disturb it."""
+
+    @classmethod
+    def of(cls, function: str, given: Mapping[str, Any]) -> IkOptions:
+        """Take the keyword arguments of a function.
+
+        Raises:
+            TypeError: If one is unknown, as Python would.
+        """
+        names = [option.name for option in fields(cls)]
+        for name in given:
+            if name not in names:
+                raise TypeError(
+                    f"{function}() got an unexpected keyword argument '{name}'"
+                    + did_you_mean(name, names)
+                )
+        return cls(**given)
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +143,17 @@ class IkPath:
     @property
     def reached(self) -> bool:
         """Whether all targets are reached in all samples."""
-        return all(result.reached for result in self.results)
+        return not self.message
+
+    @property
+    def message(self) -> str:
+        """What is not reached first, in a sentence; empty if everything is."""
+        missed = [row for row, result in enumerate(self.results) if not result.reached]
+        if not missed:
+            return ""
+        first, count = missed[0], f"{len(missed)} of {len(self.results)} samples"
+        time, what = self.motion.times[first], self.results[first].message
+        return f"Not all is reached in {count}, first at {time:.2f} s. {what}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,6 +186,8 @@ class InverseKinematics:
         self._T_base_root = root_in_base(description)
         profile = description.given_profile or description.profile
         self._roles = {r: n for r, n in profile.links.items() if n in self._links}
+        feet = [self._roles[role] for role in FEET if role in self._roles]
+        self._feet = {self._links.index(link) for link in feet}
 
     def solve(
         self,
@@ -208,6 +240,7 @@ class InverseKinematics:
         Raises:
             G1DescriptionError: As for ``solve``, and if lengths do not match.
         """
+        _check_mapping("targets", targets)
         for name, of in targets.items():
             if len(of) != len(times):
                 raise InvalidValueError(
@@ -215,6 +248,8 @@ class InverseKinematics:
                 )
         if len(times) == 0:
             raise InvalidValueError("A path needs at least one sample (got none).")
+        if not (np.diff(times) > 0.0).all():
+            raise InvalidValueError("The times of a path must increase.")
         rows = [
             {name: of[n] for name, of in targets.items()} for n in range(len(times))
         ]
@@ -230,7 +265,7 @@ class InverseKinematics:
                 moved.get(name, task) for name, task in zip(first.names, first.tasks)
             )
             now = view.configuration
-            reach = self._speed * duration
+            reach = SPEED_SHARE * self._speed * duration
             bounds = replace(
                 first.bounds,
                 lower=np.maximum(self._lower, now.position - reach),
@@ -258,13 +293,15 @@ class InverseKinematics:
         """Find the tasks and bounds of targets."""
         start = self._configuration(positions, base)
         poses = self._solver.kinematics.link_poses(*start)
+        _check_mapping("targets", targets)
         moved = self._tasks(targets, options.weights)
         held = self._held(options.hold, moved)
+        stands = held or any(task.link in self._feet for task in moved.values())
         stays = {
             name: LinkTask(row, poses[row], HARD * _weights(True))
             for name, row in held.items()
         }
-        base_motion = options.base_motion or ("free" if held else "fixed")
+        base_motion = options.base_motion or ("free" if stands else "fixed")
         if base_motion not in BASES:
             raise UnknownNameError(
                 f"base_motion must be one of {listed(BASES)} (got '{base_motion}')."
@@ -275,7 +312,7 @@ class InverseKinematics:
             self._lower,
             self._upper,
             BASES[base_motion],
-            self._support([*held.values()], poses) if options.balance else None,
+            self._support(stays, moved) if options.balance else None,
             BALANCE_MARGIN,
             DISTANCE if options.collisions else None,
         )
@@ -303,35 +340,49 @@ class InverseKinematics:
         names = [r for r in FEET if r in self._roles] if hold is None else hold
         targets = {task.link for task in moved.values()}
         rows = {name: self._row(name) for name in names}
+        both = [name for name, row in rows.items() if row in targets]
+        if both and hold is not None:
+            raise InvalidValueError(f"{both[0]} is held, so it cannot have a target.")
         return {name: row for name, row in rows.items() if row not in targets}
 
     def _tasks(
         self, targets: Mapping[str, Any], weights: Mapping[str, float] | None
     ) -> dict[str, LinkTask]:
         """Read targets."""
+        _check_mapping("weights", weights or {})
         unknown = [name for name in weights or {} if name not in targets]
         if unknown:
             raise UnknownNameError(
                 f"There is a weight but no target of {listed(unknown)}."
             )
-        tasks = {}
+        tasks: dict[str, LinkTask] = {}
+        names: dict[int, str] = {}
         for name, given in targets.items():
             pose, is_oriented = _pose(name, given)
-            weight = float((weights or {}).get(name, 1.0))
-            if not weight >= 0.0:
-                raise InvalidValueError(
-                    f"The weight of {name} must be a number at least 0 (got {weight})."
-                )
+            row = self._row(name)
+            other = names.setdefault(row, name)
+            if other != name:
+                raise InvalidValueError(f"{other} and {name} are the same link.")
+            weight = _weight(name, (weights or {}).get(name, 1.0))
             factor = min(weight, HARD) * _weights(is_oriented)
-            tasks[name] = LinkTask(self._row(name), pose, factor)
+            tasks[name] = LinkTask(row, pose, factor)
         return tasks
 
-    def _support(self, held: list[int], poses: np.ndarray) -> Corners:
-        """Find the polygon of the held links that stand on the floor."""
+    def _support(
+        self, held: Mapping[str, LinkTask], moved: Mapping[str, LinkTask]
+    ) -> Corners:
+        """Find the polygon of the links that stand on the floor.
+
+        They are held, or are feet with poses as targets.
+        """
+        posed = [task for task in moved.values() if task.weights[3:].any()]
         points = []
-        for row in held:
-            outline, radii = outlines(self._shapes[row])
-            placed = poses[row, :3] + rotate(poses[row, 3:], outline)
+        for task in (
+            *held.values(),
+            *(task for task in posed if task.link in self._feet),
+        ):
+            outline, radii = outlines(self._shapes[task.link])
+            placed = task.pose[:3] + rotate(task.pose[3:], outline)
             placed[:, 2] -= radii
             points.append(placed)
         floor = min((placed[:, 2].min() for placed in points), default=0.0) + SOLE
@@ -339,8 +390,8 @@ class InverseKinematics:
         corners = support_polygon(np.concatenate(low)) if low else []
         if len(corners) < 3:
             raise InvalidValueError(
-                "Balance needs held links that stand on the floor, such as hold="
-                "['left_foot', 'right_foot']."
+                "Balance needs links that stand on the floor: hold them, or give the "
+                "feet of the profile poses as targets."
             )
         return corners
 
@@ -380,6 +431,27 @@ def _weights(is_oriented: bool) -> np.ndarray:
     return np.repeat([1.0, ROTATION_WEIGHT * is_oriented], 3)
 
 
+def _check_mapping(what: str, given: object) -> None:
+    """Refuse what is no dictionary."""
+    if not isinstance(given, Mapping):
+        raise InvalidValueError(
+            f"{what} must be a dictionary by link (got {str(given)[:80]})."
+        )
+
+
+def _weight(name: str, given: object) -> float:
+    """Read the weight of a target."""
+    is_number = isinstance(given, (int, float, np.number)) and not isinstance(
+        given, bool
+    )
+    weight = float(given) if is_number else 0.0  # type: ignore[arg-type]
+    if not weight > 0.0:
+        raise InvalidValueError(
+            f"The weight of {name} must be a number greater than 0 (got {given})."
+        )
+    return weight
+
+
 def _pose(name: str, given: Any) -> tuple[np.ndarray, bool]:
     """Read a target; return also whether it has a rotation."""
     try:
@@ -403,7 +475,8 @@ def _pose(name: str, given: Any) -> tuple[np.ndarray, bool]:
 
 def _told(error: TargetError) -> str:
     """Write an error as text."""
-    text = f"{1e3 * error.position:.3g} mm"
+    is_far = error.position >= 1.0
+    text = f"{error.position:.2f} m" if is_far else f"{1e3 * error.position:.3g} mm"
     if error.rotation is not None:
         text += f" and {np.degrees(error.rotation):.2g} degrees"
     return text

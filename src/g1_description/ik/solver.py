@@ -40,10 +40,10 @@ HARD = 100.0
 LARGEST_STEP = 0.3
 """Change of a joint or the root in a step, in [rad] or [m]."""
 
-LEAST_DAMPING = 1e-9
-"""Of all steps, so that each has one solution."""
+LEAST_DAMPING = 1e-5
+"""Of all steps: where tasks leave a choice, steps are small enough not to overshoot."""
 
-POSTURE = 1e-3
+POSTURE = 3e-4
 """Weight of the posture, against those of tasks."""
 
 INFLUENCE = 0.03
@@ -77,7 +77,7 @@ class LinkTask(NamedTuple):
 
     weights: np.ndarray
     """Of its position along the world's axes and of its rotation about them, shape
-    (6,); 0: free."""
+    (6,); 0: any will do."""
 
 
 @dataclass(frozen=True, eq=False)
