@@ -85,3 +85,16 @@ class TestJointControllers(unittest.TestCase):
             "/g1_gazebo/no_controller/joint. Load the file of the controllers first.",
             ended.stderr + ended.stdout,
         )
+
+    def test_a_controller_of_no_joint_of_the_model_is_told(self):
+        log = Connected("/rosout", Log)
+        self.addCleanup(log.close)
+        command = [program("joint_controllers.py"), "bad_controller"]
+        process = subprocess.Popen([*command, "__ns:=/g1_gazebo", "__name:=bad"])
+        self.addCleanup(process.wait, DEADLINE)
+        self.addCleanup(process.terminate)
+        words = (
+            "g1_gazebo has no joint left_elbw_joint, whose controller does nothing. "
+            "Known joints: left_elbow_joint,"
+        )
+        log.wait(lambda m: words in m.msg, words)

@@ -4,6 +4,7 @@ import subprocess
 import tempfile
 import unittest
 from contextlib import closing
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -49,6 +50,11 @@ from g1_description.ros.waiting import RefusedError
 
 MS = 1_000_000
 """[ns]"""
+
+
+def has_words(words, line):
+    """Tell whether a line of the log has some words."""
+    return words in line.msg
 
 
 class TestPhysics(unittest.TestCase):
@@ -277,10 +283,24 @@ class TestPhysics(unittest.TestCase):
         elbow = {"model_name": "g1_robot", "joint_names": [ELBOW]}
         log = Connected("/rosout", Log)
         self.addCleanup(log.close)
-        bad = MotorCommands(**elbow, kp=[-1.0])
-        # Again and again: the log may hear other nodes before the simulator.
-        with closing(Repeated(lambda: commands.publish(bad), 0.2)):
-            log.wait(lambda m: "refused, kp must not be negative" in m.msg, "that")
+        for bad, words in (
+            (
+                MotorCommands(**elbow, kp=[-1.0]),
+                f"motor_commands: refused, kp of {ELBOW} must not be negative (got -1)",
+            ),
+            (
+                MotorCommands(model_name="g1_robot", joint_names=[ELBOW, ELBOW]),
+                f"motor_commands: refused, joint_names has {ELBOW} more than once",
+            ),
+            (
+                MotorCommands(model_name="g1_robot", joint_names=["elbow"]),
+                "g1_robot: motor_commands: ignored, no movable joint of g1_robot: "
+                "elbow",
+            ),
+        ):
+            # Again and again: the log may hear other nodes before the simulator.
+            with closing(Repeated(partial(commands.publish, bad), 0.2)):
+                log.wait(partial(has_words, words), words)
         commands.publish(MotorCommands(**elbow, q=[1.0], kp=[60.0], kd=[4.0]))
         self.states.clear()
         self.states.wait(lambda m: abs(position_of(m, ELBOW) - 1.0) < 0.1, "the elbow")

@@ -308,3 +308,68 @@ def test_a_reset_keeps_the_motors_whatever_has_become_of_their_file(make_world, 
     world.reset()
     world.step()
     assert world.engine.effort_limits(world.model("arm"))[0] == 5.0
+
+
+def test_gains_however_large_leave_the_robot_in_one_piece(make_world, engine):
+    """First a spring, then a damper: contacts saw accelerations that it took away."""
+    if engine == "bullet":
+        pytest.skip("PyBullet's efforts do not change within a step")
+    world = make_world("hold")
+    world.spawn_urdf("g1", OUR_G1, np.array([0.0, 0.0, 0.793, 0.0, 0.0, 0.0, 1.0]))
+    model, names = world.model("g1"), ["left_elbow_joint"]
+    world.run(0.1)
+    world.drive(model, names, command(0.5, stiffness=1e8))
+    world.run(1.6)
+    world.drive(model, names, command(0.5, damping=1e8))
+    world.run(0.3)
+    assert np.abs(model.velocity).max() < 10.0
+    assert abs(model.pose[2] - 0.793) < 0.1
+    assert world.engine.take_failure() == ""
+
+
+def test_a_step_that_fails_is_undone_and_told_once(make_world, engine):
+    if engine == "bullet":
+        pytest.skip("of MuJoCo")
+    world, model = arm(make_world, ServoMotor())
+    world.set_joint_positions("arm", {"elbow": 0.5})
+    world.run(0.1)
+    for effort in (1e15, 1e200, np.nan):
+        before = model.position[0]
+        world.engine.apply_effort(model, 0, effort)
+        world.step()
+        assert (model.position[0], model.velocity[0]) == (before, 0.0)
+        assert np.isfinite(world.engine.efforts(model)).all()
+        assert "all models are at rest" in world.engine.take_failure()
+        assert world.engine.take_failure() == ""
+    world.run(0.1)
+    assert model.position[0] == pytest.approx(0.5, abs=1e-3)
+    assert world.engine.take_failure() == ""
+
+
+def test_a_reset_of_models_leaves_no_position_that_is_no_number(make_world):
+    world, model = arm(make_world, ServoMotor())
+    model.position[0] = np.nan
+    world.reset_models()
+    assert np.isfinite(model.position).all()
+    assert np.isfinite(model.poses).all()
+
+
+@pytest.mark.parametrize("is_given", [True, False])
+def test_a_pattern_of_no_joint_is_told(make_world, tmp_path, is_given):
+    file = tmp_path / "motors.yaml"
+    file.write_text("'.*_elbw_joint': {effort: 5}\nelbow: {effort: 5}\n")
+    world = make_world("hold", NOWHERE, motors=read_motors(file) if is_given else None)
+    told = world.spawn("arm", arm_with(file), UP)
+    assert told == ("the file of motors has patterns of no joint: .*_elbw_joint",)
+
+
+@pytest.mark.parametrize("motors", [None, "pd"])
+def test_motors_of_this_package_have_no_pattern_of_no_joint(make_world, motors):
+    """G1s with 23 joints have the motors of that with 29, of which some match none."""
+    world = make_world("hold", motors=motors)
+    told = world.spawn_urdf("g1", OUR_G1, UP)
+    file = REPOSITORY / "config" / "robots" / "g1_29dof" / "motors.yaml"
+    robot = parse_urdf(ARM.format(**FREE).replace("elbow", "left_knee_joint"))
+    robot = replace(robot, given_profile=Profile(name="g1_23dof", motors=file))
+    told += world.spawn("arm", lump_fixed_joints(robot), UP)
+    assert not [note for note in told if "patterns" in note]

@@ -134,3 +134,11 @@ def test_what_cannot_hang_is_told(make_world):
     begin = model.pose[2]
     world.run(0.2)
     assert model.pose[2] < begin - 0.05  # nothing was changed
+
+
+def test_it_hangs_by_a_link_that_is_lumped_into_another_one(make_world):
+    world, model = g1(make_world)
+    lengths = [world.gantries.hang(model, n, 0.0) for n in ("head_link", "torso_link")]
+    assert lengths[0] == lengths[1]
+    with pytest.raises(UnknownNameError, match=r"no link hed_link\. .*: head_link"):
+        world.gantries.hang(model, "hed_link", 0.0)

@@ -389,6 +389,19 @@ def test_an_engine_that_is_not_installed_is_told_with_what_to_do(monkeypatch):
         Conditions(engine="ode")
 
 
+def test_an_engine_whose_library_is_broken_is_told(monkeypatch, tmp_path):
+    (tmp_path / "mujoco.py").write_text("raise ImportError('libmujoco.so: bad ELF')")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "mujoco", False)
+    monkeypatch.delitem(sys.modules, "g1_description.sim.mujoco.engine", False)
+    with pytest.raises(UnknownNameError) as caught:
+        Conditions(engine="mujoco")
+    assert str(caught.value) == (
+        "The engine mujoco needs mujoco, which is broken (libmujoco.so: bad ELF); to "
+        "install it, run: pip install mujoco==3.2.3"
+    )
+
+
 @pytest.mark.parametrize("engine", ["bullet", "mujoco"])
 def test_a_robot_squats_and_stands_on_either_engine(engine):
     """Two millimetres from where it began, as in the simulator."""

@@ -284,6 +284,9 @@ class GazeboNode:
         if self._stepper.is_stepping:
             self._topics.wait_for_room()
         self._world.step()
+        failure = self._world.engine.take_failure()
+        if failure:
+            self._simulation.log.warn("physics", failure, log=rospy.logerr)
         with quiet_when_closing():
             self._topics.publish(self._stepper.is_last_step)
             self._publish_tracking()

@@ -162,7 +162,8 @@ def spawn_robot(world: World, parameters: GazeboParameters) -> None:
     except InvalidValueError as error:
         rospy.logwarn("The anchor of %s is ignored: %s.", name, error)
     log_hulls(world.models[name])
-    rospy.loginfo("%s: %s", name, figures(assembly, parameters.physics))
+    other = {"mujoco": " with MuJoCo"}.get(parameters.engine, "")
+    rospy.loginfo("%s: %s", name, figures(assembly, parameters.physics + other))
 
 
 def figures(assembly: Assembly, physics: str) -> str:

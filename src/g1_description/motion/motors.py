@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Union
@@ -95,6 +95,12 @@ class Motors:
             if pattern.fullmatch(joint):
                 return motor
         return ServoMotor()
+
+    def unused(self, joints: Iterable[str]) -> list[str]:
+        """Return the patterns that match none of some joints."""
+        names = [*joints]
+        patterns = [pattern for pattern, _ in self._motors]
+        return [p.pattern for p in patterns if not any(map(p.fullmatch, names))]
 
 
 def motors_of(robot: Description, name: str = "") -> Motors:

@@ -13,7 +13,12 @@ from importlib import import_module
 import numpy as np
 
 from g1_description.bounds import MAX_VALUE
-from g1_description.errors import InvalidValueError, NoSuchMotorsError, UnknownNameError
+from g1_description.errors import (
+    InvalidValueError,
+    NoSuchMotorsError,
+    UnknownNameError,
+    cause,
+)
 from g1_description.motion.motors import Motors, motors_of
 from g1_description.robot.launch_arguments import ENGINES, PHYSICS
 from g1_description.sim.drives import MAX_EFFORT, Drives, PdCommand
@@ -26,6 +31,12 @@ MAX_TIME_STEP = 10.0
 
 GRAVITY = ("gravity_x", "gravity_y", "gravity_z")
 """Names of the components of gravity."""
+
+FAILURE = (
+    "physics failed in a step, as forces or gains are too large: all models are at "
+    "rest where they were before it"
+)
+"""What ``Engine.take_failure`` returns."""
 
 _WHOLE_NUMBERS = ("sor_pgs_precon_iters", "sor_pgs_iters", "max_contacts")
 
@@ -149,6 +160,7 @@ class Engine(ABC):
         self._given_motors = motors
         self._drives: dict[str, Drives] = {}
         self._rest = RestDetector()
+        self._failure = ""
 
     @property
     def is_dynamic(self) -> bool:
@@ -188,6 +200,12 @@ class Engine(ABC):
             self._drives[model.name] = Drives(model, None)
             return ()
         motors, notes = self._motors_of(model)
+        profile = model.assembly.description.profile
+        file = profile.motors
+        # A profile may be like another one, whose robot has more joints.
+        is_own = file is not None and profile.name in ("", file.parent.name)
+        if is_own or isinstance(self._given_motors, Motors):
+            notes += _unused(motors, model)
         self._drives[model.name] = Drives(model, motors)
         joints = model.assembly.description.movable_joints
         limits = self.effort_limits(model).tolist()
@@ -259,6 +277,11 @@ class Engine(ABC):
     @abstractmethod
     def _step(self) -> None:
         """Compute one time step, and keep ``_moving`` up to date."""
+
+    def take_failure(self) -> str:
+        """Return what is to be logged of steps since the last call that failed."""
+        failure, self._failure = self._failure, ""
+        return failure
 
     def update_models(self) -> None:
         """Set the models' states to those of the last step."""
@@ -389,6 +412,17 @@ class Engine(ABC):
         """
 
 
+def _unused(motors: Motors, model: Model) -> tuple[str, ...]:
+    """Describe patterns of motors that match no joint of a model that has joints."""
+    names = [joint.name for joint in model.assembly.description.movable_joints]
+    patterns = motors.unused(names) if names else []
+    return (
+        (f"the file of motors has patterns of no joint: {listed(patterns)}",)
+        if patterns
+        else ()
+    )
+
+
 def engine_class(name: str) -> type[Engine]:
     """Import an engine.
 
@@ -396,7 +430,8 @@ def engine_class(name: str) -> type[Engine]:
         name: One of ``ENGINES``.
 
     Raises:
-        UnknownNameError: If there is no such engine, or its library is not installed.
+        UnknownNameError: If there is no such engine, or its library is not installed
+            or broken.
     """
     if name not in ENGINES:
         raise UnknownNameError(
@@ -406,15 +441,20 @@ def engine_class(name: str) -> type[Engine]:
     # library loads slowly.
     try:
         module = import_module(f"g1_description.sim.{name}.engine")
-    except ModuleNotFoundError as error:
-        library = str(error.name)
+    except ImportError as error:
+        is_missing = isinstance(error, ModuleNotFoundError)
+        library = str(error.name) if is_missing else LIBRARIES.get(name, name)
+        why = "not installed" if is_missing else f"broken ({cause(error)})"
         raise UnknownNameError(
-            f"The engine {name} needs {library}, which is not installed; to install "
+            f"The engine {name} needs {library}, which is {why}; to install "
             f"it, run: pip install {INSTALLED.get(library, library)}"
         ) from error
     found: type[Engine] = getattr(module, f"{name.title()}Engine")
     return found
 
+
+LIBRARIES = {"bullet": "pybullet"}
+"""Libraries of engines that are not called as these are."""
 
 INSTALLED = {"mujoco": "mujoco==3.2.3"}
 """Versions of libraries that need not be there."""

@@ -45,8 +45,8 @@ class Gantries:
 
         Args:
             model: The model.
-            link: The link; empty: that of its rope, the torso of its profile, or its
-                root.
+            link: The link, which may be lumped into another one; empty: that of its
+                rope, the torso of its profile, or its root.
             length: In [m]; 0: the link's distance from the point.
 
         Returns:
@@ -105,8 +105,10 @@ def _row(model: Model, link: str) -> int:
     names = model.link_names
     torso = model.assembly.description.profile.links.get("torso", "")
     wanted = link or (torso if torso in names else names[0])
+    lumped = model.assembly.lumped
+    wanted = lumped.get(wanted, wanted)
     if wanted not in names:
-        near = listed(similar_first(wanted, names))
+        near = listed(similar_first(wanted, [*names, *lumped]))
         raise UnknownNameError(
             f"{model.name} has no link {wanted}. Known links: {near}"
         )

@@ -423,6 +423,10 @@ class Model:
 
     def return_home(self) -> None:
         """Reset the pose to that at spawning, at rest; joint positions stay."""
+        begin = self.assembly.positions
+        initial = np.array([begin.get(name, 0.0) for name in self.joint_names])
+        is_valid = np.isfinite(self.position)
+        self.position[:] = np.where(is_valid, self.position, initial)
         self.set_state(self.initial_pose, np.zeros(6))
         if len(self.trees) > 1:
             self.root_poses[1:] = self._initial_root_poses()[1:]

@@ -31,7 +31,7 @@ from g1_description.msg import MotorCommands, MotorStates
 from g1_description.ros.conversions import COMMAND_FIELDS
 from g1_description.ros.lifecycle import own_arguments, start_node
 from g1_description.ros.log import SHORT_PERIOD, ThrottledLog
-from g1_description.text import listed
+from g1_description.text import listed, similar_first
 
 GAZEBO = "/gazebo"
 """Name of the simulator."""
@@ -59,6 +59,7 @@ class JointControllers:
         self._commands = np.zeros((len(COMMAND_FIELDS), len(joints)))
         self._is_commanded = np.zeros(len(joints), dtype=bool)
         self._log = ThrottledLog()
+        self._is_checked = False
         self._lock, self._changed = threading.Lock(), threading.Event()
         self._motors = rospy.Publisher(
             f"{GAZEBO}/motor_commands", MotorCommands, queue_size=1
@@ -116,6 +117,9 @@ class JointControllers:
                 velocity=states.dq,
                 effort=states.tau,
             )
+        if not self._is_checked:
+            self._is_checked = True
+            self._check(states.joint_names)
         row = {name: number for number, name in enumerate(states.joint_names)}
         efforts = states.tau or [0.0] * len(states.q)
         for joint, publisher in zip(self._joints, self._states):
@@ -123,6 +127,19 @@ class JointControllers:
                 n = row[joint]
                 state = MotorState(q=states.q[n], dq=states.dq[n], tau_est=efforts[n])
                 publisher.publish(state)
+
+    def _check(self, known: Sequence[str]) -> None:
+        """Log the joints of controllers that the model does not have."""
+        for joint in self._joints:
+            if joint not in known:
+                near = listed(similar_first(joint, known))
+                rospy.logerr(
+                    "%s has no joint %s, whose controller does nothing. Known "
+                    "joints: %s",
+                    self._model,
+                    joint,
+                    near,
+                )
 
     def run(self) -> None:
         """Pass commands on until the node is shut down."""

@@ -196,6 +196,9 @@ def drive(simulation: Simulation, message: MotorCommands) -> None:
     world, name = simulation.world, message.model_name
     model = world.model(name)
     names = message.joint_names
+    twice = sorted({joint for joint in names if names.count(joint) > 1})
+    if twice:
+        raise InvalidValueError(f"joint_names has {listed(twice)} more than once")
     lists = {field: getattr(message, field) for field in COMMAND_FIELDS}
     for field, numbers in lists.items():
         if numbers and len(numbers) != len(names):
@@ -208,15 +211,17 @@ def drive(simulation: Simulation, message: MotorCommands) -> None:
         for field, numbers in lists.items()
     }
     for field in ("kp", "kd"):
-        if (arrays[field] < 0.0).any():
+        row = int(np.argmin(arrays[field])) if names else 0
+        if names and arrays[field][row] < 0.0:
             raise InvalidValueError(
-                f"{field} must not be negative (got {lists[field]})"
+                f"{field} of {names[row]} must not be negative (got "
+                f"{arrays[field][row]:g})"
             )
     unknown = world.drive(model, names, PdCommand(*arrays.values()))
     if unknown:
         key = f"{name} motor_commands"
-        text = f"{name}: ignored, no movable joint of {name}: {listed(unknown)}"
-        simulation.log.warn(key, text, SHORT_PERIOD)
+        text = f"ignored, no movable joint of {name}: {listed(unknown)}"
+        simulation.log.warn(key, f"{name}: motor_commands: {text}", SHORT_PERIOD)
 
 
 def _jump(model: Model, trajectory: Motion) -> str:

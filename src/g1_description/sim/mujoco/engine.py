@@ -12,7 +12,7 @@ from g1_description.errors import DescriptionError, cause
 from g1_description.motion.motors import Motors
 from g1_description.robot.assembly import SCOPE
 from g1_description.robot.rotation import conjugate, cross, rotate, to_axes
-from g1_description.sim.engine import Engine, PhysicsProperties
+from g1_description.sim.engine import FAILURE, Engine, PhysicsProperties
 from g1_description.sim.meshes.shapes import Mesh, find_meshes
 from g1_description.sim.model import Model, States
 from g1_description.sim.moving_models import MovingModels
@@ -29,6 +29,16 @@ FRICTION_IMPEDANCE = (0.99999, 0.99999, 0.001, 0.5, 2.0)
 
 FRICTION_RATIO = 10.0
 """MuJoCo's ``impratio``: how much harder friction is than contacts, against slip."""
+
+MAX_DAMPING = 10.0
+"""Greatest damping of an actuator times the step, relative to the joint's inertia.
+
+It leaves a tenth of the velocity after a step. MuJoCo's constraints see accelerations
+without what dampers take within the step: with more, contacts throw the robot away.
+"""
+
+MAX_SPEED = 1e6
+"""Speed in [m/s] or [rad/s] that no robot has: above it, a step has failed."""
 
 mujoco.set_mju_user_warning(lambda text: None)  # else it writes MUJOCO_LOG.TXT
 
@@ -157,8 +167,8 @@ class MujocoEngine(Engine):
         self._is_servo = np.zeros(count, dtype=bool)
         # Gains, and targets of positions and velocities, by degree of freedom.
         self._gains, self._targets = np.zeros((2, 2, count))
-        # Efforts at zero, stiffness, damping and limits, by actuator.
-        self._springs, self._limits = np.zeros((3, model.nu)), np.zeros(model.nu)
+        # Efforts without springs, of these at zero, stiffness, damping, and limits.
+        self._springs, self._limits = np.zeros((4, model.nu)), np.zeros(model.nu)
         model.dof_solimp[:] = FRICTION_IMPEDANCE
         for rows in self._rows.values():
             drives = self._drives[rows.model.name]
@@ -181,8 +191,9 @@ class MujocoEngine(Engine):
         friction = np.where(is_servo, drives.limits, drives.friction)
         model.dof_frictionloss[dofs] = friction
         model.dof_damping[dofs] = np.where(is_servo, 0.0, drives.joint_damping)
-        springs = np.stack([np.zeros(len(dofs)), drives.stiffness, drives.damping])
-        self._springs[:, rows.actuators] = np.where(is_servo, 0.0, springs)
+        springs = np.stack([drives.stiffness, drives.damping])
+        self._springs[2:, rows.actuators] = np.where(is_servo, 0.0, springs)
+        self._springs[:2, rows.actuators] = 0.0
         model.actuator_biasprm[rows.actuators] = 0.0
         self._data.ctrl[rows.actuators] = 0.0
         self._write_targets(rows)
@@ -203,9 +214,10 @@ class MujocoEngine(Engine):
         self._targets[:, rows.velocity] = drives.positions, drives.velocities
         if drives.is_servo.all():
             return
-        wanted = drives.feedforward + drives.stiffness * drives.positions
+        wanted = drives.stiffness * drives.positions
         wanted += drives.damping * drives.velocities
-        self._springs[0, rows.actuators] = np.where(drives.is_servo, 0.0, wanted)
+        efforts = np.stack([drives.feedforward, wanted])
+        self._springs[:2, rows.actuators] = np.where(drives.is_servo, 0.0, efforts)
 
     def set_properties(self, properties: PhysicsProperties) -> None:
         """Set the properties; MuJoCo uses some of them."""
@@ -341,6 +353,7 @@ class MujocoEngine(Engine):
         """Compute one time step."""
         self._compile()
         model, data = self._model, self._data
+        before = data.qpos.copy()
         self._apply_forces()
         mujoco.mj_step1(model, data)
         if self.physics == "hold":
@@ -351,6 +364,18 @@ class MujocoEngine(Engine):
         mujoco.mj_step2(model, data)
         data.xfrc_applied[:] = 0.0
         data.qfrc_applied[:] = 0.0
+        is_valid = np.isfinite(data.qpos).all() and np.isfinite(data.qacc).all()
+        if not is_valid or not (np.abs(data.qvel) <= MAX_SPEED).all():
+            self._stop_at(before)
+
+    def _stop_at(self, positions: np.ndarray) -> None:
+        """Go back to the positions before a step that failed, at rest."""
+        data = self._data
+        data.qpos[:] = positions
+        for name in ("qvel", "qacc", "qacc_warmstart", "actuator_force"):
+            getattr(data, name)[:] = 0.0
+        data.efc_force[:] = 0.0
+        self._failure = FAILURE
 
     def _apply_forces(self) -> None:
         """Write the forces of this step."""
@@ -385,19 +410,23 @@ class MujocoEngine(Engine):
         """Let springs and dampers pull, those at their limits with a constant effort.
 
         Actuators damp within the step, also where MuJoCo limits their efforts. Here
-        those are limited that exceed it even so.
+        those are limited that exceed it even so. Those that damp more than
+        ``MAX_DAMPING`` become softer, so that they need the same time as before.
         """
         model, data = self._model, self._data
         joints = model.actuator_trnid[:, 0]
         dofs = model.jnt_dofadr[joints]
-        effort, stiffness, damping = self._springs
+        inertia = data.qM[model.dof_Madr[dofs]]
+        ratio = self._springs[3] * self.properties.time_step / inertia
+        softness = MAX_DAMPING / np.maximum(ratio, MAX_DAMPING)
+        of_springs, stiffness, damping = self._springs[1:] * softness
+        effort = self._springs[0] + of_springs
         now = effort - stiffness * data.qpos[model.jnt_qposadr[joints]]
         now -= damping * data.qvel[dofs]
-        inertia = data.qM[model.dof_Madr[dofs]]
-        damped = now / (1.0 + damping * self.properties.time_step / inertia)
+        damped = now / (1.0 + np.minimum(ratio, MAX_DAMPING))
         is_limited = np.abs(damped) >= self._limits
         data.ctrl[:] = np.where(is_limited, np.copysign(self._limits, now), effort)
-        gains = np.where(is_limited, 0.0, -self._springs[1:])
+        gains = np.where(is_limited, 0.0, [-stiffness, -damping])
         model.actuator_biasprm[:, 1:3] = gains.T
 
     def _slow_separation(self) -> None:
