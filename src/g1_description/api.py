@@ -365,11 +365,23 @@ class Robot:
         return begin, IDENTITY if base is None else one_pose(base)
 
     def _inverse_kinematics(self, collisions: bool) -> InverseKinematics:
+        return self._inverse_apart if collisions else self._inverse
+
+    @cached_property
+    def _inverse(self) -> InverseKinematics:
         from g1_description.ik.inverse_kinematics import InverseKinematics
         from g1_description.ik.solver import IkSolver
 
-        shapes = self._usual_checker.collisions if collisions else None
-        return InverseKinematics(self.description, IkSolver(self.description, shapes))
+        return InverseKinematics(self.description, IkSolver(self.description))
+
+    @cached_property
+    def _inverse_apart(self) -> InverseKinematics:
+        """That which keeps links apart."""
+        from g1_description.ik.inverse_kinematics import InverseKinematics
+        from g1_description.ik.solver import IkSolver
+
+        solver = IkSolver(self.description, self._usual_checker.collisions)
+        return InverseKinematics(self.description, solver)
 
     def inverse_dynamics(
         self,

@@ -15,11 +15,11 @@ from g1_description.ik.search import STARTS, descend, search
 from g1_description.ik.solver import (
     HARD,
     TOLERANCE,
-    Bounds,
     Configuration,
+    Constraints,
     IkSolver,
+    Linearization,
     LinkTask,
-    View,
 )
 from g1_description.motion.motion import Motion
 from g1_description.robot.assembly import WORLD, root_in_base
@@ -76,7 +76,7 @@ class IkOptions:
     as they have no target."""
 
     balance: bool = False
-    """Whether the centre of mass must be above the held links that are the lowest."""
+    """Whether the centre of mass must be above the links that stand on the floor."""
 
     collisions: bool = False
     """Whether links keep away from each other."""
@@ -147,7 +147,7 @@ class IkPath:
 
     @property
     def message(self) -> str:
-        """What is not reached first, in a sentence; empty if everything is."""
+        """A sentence on the first sample that misses a target; empty if none does."""
         missed = [row for row, result in enumerate(self.results) if not result.reached]
         if not missed:
             return ""
@@ -163,7 +163,7 @@ class _Problem:
     start: Configuration
     names: tuple[str, ...]
     tasks: tuple[LinkTask, ...]
-    bounds: Bounds
+    bounds: Constraints
 
 
 class InverseKinematics:
@@ -308,7 +308,7 @@ class InverseKinematics:
             )
         if self._description.root == WORLD:
             base_motion = "fixed"
-        bounds = Bounds(
+        bounds = Constraints(
             self._lower,
             self._upper,
             BASES[base_motion],
@@ -395,7 +395,7 @@ class InverseKinematics:
             )
         return corners
 
-    def _result(self, problem: _Problem, view: View, steps: int) -> IkResult:
+    def _result(self, problem: _Problem, view: Linearization, steps: int) -> IkResult:
         """Tell what was found."""
         errors = {}
         for name, task, (position, rotation) in zip(

@@ -6,7 +6,13 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from g1_description.ik.solver import Bounds, Configuration, IkSolver, LinkTask, View
+from g1_description.ik.solver import (
+    Configuration,
+    Constraints,
+    IkSolver,
+    Linearization,
+    LinkTask,
+)
 
 FINE = 0.1
 """Fraction of the tolerance at which a search ends."""
@@ -31,10 +37,10 @@ def search(
     solver: IkSolver,
     start: Configuration,
     tasks: Sequence[LinkTask],
-    bounds: Bounds,
+    bounds: Constraints,
     posture: np.ndarray,
     starts: int = STARTS,
-) -> tuple[View, int]:
+) -> tuple[Linearization, int]:
     """Search a configuration that reaches tasks.
 
     Args:
@@ -62,8 +68,8 @@ def search(
 
 
 def descend(
-    solver: IkSolver, view: View, posture: np.ndarray, most: int = MAX_STEPS
-) -> tuple[View, int]:
+    solver: IkSolver, view: Linearization, posture: np.ndarray, most: int = MAX_STEPS
+) -> tuple[Linearization, int]:
     """Step from one configuration until nothing improves.
 
     The cost may rise for some steps: links that are held move on an arc at first.
@@ -86,7 +92,9 @@ def descend(
     return best, steps
 
 
-def _settle(solver: IkSolver, view: View, posture: np.ndarray) -> tuple[View, int]:
+def _settle(
+    solver: IkSolver, view: Linearization, posture: np.ndarray
+) -> tuple[Linearization, int]:
     """Step down to the least cost, where targets cannot be reached."""
     damping, steps = DAMPING * view.cost, 0
     while damping < view.cost and steps < MAX_STEPS:
@@ -98,11 +106,13 @@ def _settle(solver: IkSolver, view: View, posture: np.ndarray) -> tuple[View, in
     return view, steps
 
 
-def _cost(view: View) -> float:
+def _cost(view: Linearization) -> float:
     return view.cost
 
 
-def _starts(view: View, start: Configuration, count: int) -> Iterator[Configuration]:
+def _starts(
+    view: Linearization, start: Configuration, count: int
+) -> Iterator[Configuration]:
     """Vary a start; the same ones each time."""
     random, bounds = np.random.default_rng(0), view.bounds
     lower = np.maximum(bounds.lower, start.position - np.pi)

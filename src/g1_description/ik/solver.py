@@ -81,7 +81,7 @@ class LinkTask(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Bounds:
+class Constraints:
     """What a configuration must keep to."""
 
     lower: np.ndarray
@@ -104,12 +104,12 @@ class Bounds:
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class Linearization:
     """A configuration with its errors, and how they change with its velocities."""
 
     configuration: Configuration
     tasks: Sequence[LinkTask]
-    bounds: Bounds
+    bounds: Constraints
     jacobians: Jacobians
 
     displacements: np.ndarray
@@ -177,8 +177,8 @@ class IkSolver:
             self._pairs = np.array(rows, dtype=int).reshape(-1, 2)
 
     def view(
-        self, now: Configuration, tasks: Sequence[LinkTask], bounds: Bounds
-    ) -> View:
+        self, now: Configuration, tasks: Sequence[LinkTask], bounds: Constraints
+    ) -> Linearization:
         """Compare a configuration with tasks and bounds."""
         jacobians = Jacobians(self.kinematics, *now)
         poses = jacobians.link_poses[[task.link for task in tasks]].reshape(-1, 7)
@@ -195,7 +195,9 @@ class IkSolver:
         if bounds.distance is not None:
             parts.append(self._approaches(bounds.distance, jacobians))
         rates, room = (np.concatenate(part) for part in zip(*parts))
-        return View(now, tasks, bounds, jacobians, displacements, rates, room, n_edges)
+        return Linearization(
+            now, tasks, bounds, jacobians, displacements, rates, room, n_edges
+        )
 
     def _balance(
         self, support: Corners, margin: float, jacobians: Jacobians
@@ -222,7 +224,9 @@ class IkSolver:
         rates = (found.normal[:, np.newaxis] @ rates)[:, 0]
         return rates, found.distance - distance
 
-    def step(self, view: View, posture: np.ndarray, damping: float) -> Configuration:
+    def step(
+        self, view: Linearization, posture: np.ndarray, damping: float
+    ) -> Configuration:
         """Make a step towards the tasks of a view.
 
         Args:
