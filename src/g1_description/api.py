@@ -285,6 +285,7 @@ class Robot:
         collisions: bool = False,
         base_motion: str | None = None,
         weights: Mapping[str, float] | None = None,
+        points: Mapping[str, Any] | None = None,
     ) -> IkResult:
         """Search a configuration in which links are where they should be.
 
@@ -305,6 +306,8 @@ class Robot:
                 target, else fixed.
             weights: Of targets by name, by default 1; infinite: the others must not
                 disturb it, as with held links.
+            points: Points of links that are brought to their targets, such as a
+                fingertip, x y z in the frame of the link; by default its origin.
 
         Returns:
             The configuration. If not all can be reached it is the nearest one found,
@@ -315,7 +318,7 @@ class Robot:
         """
         from g1_description.ik.inverse_kinematics import IkOptions
 
-        options = IkOptions(hold, balance, collisions, base_motion, weights)
+        options = IkOptions(hold, balance, collisions, base_motion, weights, points)
         begin, pose = self._start(start, base)
         return self._inverse_kinematics(collisions).solve(targets, begin, pose, options)
 
@@ -335,8 +338,8 @@ class Robot:
                 (n_samples, 3).
             start: As for ``ik``: where the search for the first sample begins.
             base: The same.
-            options: ``hold``, ``balance``, ``collisions``, ``base_motion`` and
-                ``weights`` of ``ik``; links are held where they are at the start.
+            options: ``hold``, ``balance``, ``collisions``, ``base_motion``, ``weights``
+                and ``points`` of ``ik``; links are held where they are at the start.
 
         Returns:
             The motion, whose joints keep to their limits of position and velocity, and

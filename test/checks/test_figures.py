@@ -6,7 +6,7 @@ from checked import ARM, POST, post_motion
 
 from g1_description import Robot
 from g1_description.motion.motion import Motion
-from g1_description.web.file_world import standing_base
+from g1_description.sim.standing import standing_base
 
 MASS = 10.5
 

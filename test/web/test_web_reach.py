@@ -16,11 +16,14 @@ import viser
 
 from g1_description import Robot
 from g1_description.errors import InvalidValueError
+from g1_description.ik.posing import roles_of
 from g1_description.robot.urdf import parse_urdf
 from g1_description.web import controls, reach_panel
 from g1_description.web.controls import JointPanel
 from g1_description.web.file_world import FileWorld, StillRobot
-from g1_description.web.reach_panel import ReachPanel, roles_of
+from g1_description.web.reach_panel import ReachPanel
+from g1_description.web.scene.robot import SceneRobot
+from g1_description.web.scene.stage import Stage
 from g1_description.web.server.address import ServerOptions
 from g1_description.web.show import Show
 from g1_description.web.ui_loop import UiLoop
@@ -76,11 +79,13 @@ def panel(g1, server, robot, clock):
     ui = UiLoop(server, threading.Event())
     joints = JointPanel(server.gui, ui, robot)
     shapes = g1.checker().collisions
-    one = ReachPanel(server, ui, robot, joints, lambda: shapes)
+    body = SceneRobot(server.scene, "/robots/g1", robot.description)
+    stage = Stage(server)
+    one = ReachPanel(server, ui, robot, joints, body, stage, lambda: shapes)
     one._on.value = True
     one._show_gizmos()
     one.follow(robot.state())
-    one.ui = ui
+    one.ui, one.stage = ui, stage
     return one
 
 
@@ -150,6 +155,7 @@ def test_small_drags_make_small_changes(g1, panel, robot):
 @pytest.mark.parametrize("balance", [True, False])
 def test_balance_is_kept_where_it_is_switched_on(g1, panel, robot, balance):
     panel._balance.value = balance
+    panel._choose()
     for _ in range(30):
         drag(panel, "left_hand", [0.02, 0.0, -0.005])
     state = robot.state()
@@ -165,15 +171,14 @@ def test_collisions_are_avoided_where_that_is_switched_on(g1, panel, robot):
         return len(g1.collisions(state.positions_by_name, state.base_pose).pair) > 0
 
     assert collides()
-    panel._steps.value = "Undo"
-    panel._change()
+    panel.change("Undo")
     panel.follow(robot.state())
     panel._avoid.value = True
     panel._prepare()
 
     def is_ready():
         panel.ui.do_all()
-        return panel._apart is not None
+        return panel.posing.is_prepared
 
     wait_for(is_ready, "the shapes")
     panel._looked = -1.0
@@ -199,6 +204,7 @@ def test_a_foot_is_moved_by_its_gizmo_or_let_go(g1, panel, robot, clock):
     clock.now += 1.0
     for box in panel._holds.values():
         box.value = False
+    panel._choose()
     panel._looked = -1.0
     panel.follow(robot.state())
     before = places(g1, robot)[RIGHT][:3]
@@ -220,26 +226,23 @@ def test_changes_are_undone_and_done_again(g1, panel, robot, clock):
         ("Redo", second),
         ("Redo", third),
     ):
-        panel._steps.value = step
-        panel._change()
+        panel.change(step)
         now = robot.state()
         np.testing.assert_allclose(now.positions, wanted.positions, atol=1e-12)
         np.testing.assert_allclose(now.base_pose, wanted.base_pose, atol=1e-12)
     with pytest.raises(InvalidValueError, match=r"There is nothing to redo\."):
-        panel._change()
+        panel.change(step)
 
 
 def test_a_mirrored_robot_has_its_hands_exchanged(g1, panel, robot):
     drag(panel, "left_hand", [0.1, 0.1, 0.2])
     before = places(g1, robot)
-    panel._steps.value = "Mirror"
-    panel._change()
+    panel.change("Mirror")
     after = places(g1, robot)
     flip = [1.0, -1.0, 1.0]
     wanted = before[HAND][:3] * flip
     np.testing.assert_allclose(after["right_rubber_hand"][:3], wanted, atol=2e-3)
-    panel._steps.value = "Undo"
-    panel._change()
+    panel.change("Undo")
     np.testing.assert_allclose(places(g1, robot)[HAND], before[HAND], atol=1e-9)
 
 
@@ -262,7 +265,7 @@ def test_what_no_browser_sends_moves_nothing(panel, robot, position, wxyz):
 
 def test_a_robot_without_such_links_has_no_gizmos():
     text = '<robot name="arm"><link name="a"/></robot>'
-    assert roles_of(StillRobot("arm", parse_urdf(text))) == {}
+    assert roles_of(parse_urdf(text)) == {}
 
 
 @pytest.mark.slow

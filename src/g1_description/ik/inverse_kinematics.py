@@ -89,6 +89,10 @@ class IkOptions:
     weights: Mapping[str, float] | None = None
     """Weights of targets, by default 1; infinite: others must not disturb it."""
 
+    points: Mapping[str, Any] | None = None
+    """Points of links that are brought to their targets, x y z in the frame of the
+    link; by default its origin."""
+
     @classmethod
     def of(cls, function: str, given: Mapping[str, Any]) -> IkOptions:
         """Take the keyword arguments of a function.
@@ -182,12 +186,12 @@ class InverseKinematics:
         self._upper = np.array([joint.upper for joint in joints])
         self._speed = np.array([joint.velocity for joint in joints])
         self._shapes = [link for link in description.links if link.name != WORLD]
-        self._links = [link.name for link in self._shapes]
+        self.links = [link.name for link in self._shapes]
         self._T_base_root = root_in_base(description)
         profile = description.given_profile or description.profile
-        self._roles = {r: n for r, n in profile.links.items() if n in self._links}
+        self._roles = {r: n for r, n in profile.links.items() if n in self.links}
         feet = [self._roles[role] for role in FEET if role in self._roles]
-        self._feet = {self._links.index(link) for link in feet}
+        self._feet = {self.links.index(link) for link in feet}
 
     def solve(
         self,
@@ -260,7 +264,7 @@ class InverseKinematics:
         )
         results = [self._result(first, view, steps)]
         for row, duration in zip(rows[1:], np.diff(times)):
-            moved = self._tasks(row, options.weights)
+            moved = self._tasks(row, options)
             tasks = tuple(
                 moved.get(name, task) for name, task in zip(first.names, first.tasks)
             )
@@ -294,7 +298,7 @@ class InverseKinematics:
         start = self._configuration(positions, base)
         poses = self._solver.kinematics.link_poses(*start)
         _check_mapping("targets", targets)
-        moved = self._tasks(targets, options.weights)
+        moved = self._tasks(targets, options)
         held = self._held(options.hold, moved)
         stands = held or any(task.link in self._feet for task in moved.values())
         stays = {
@@ -326,11 +330,11 @@ class InverseKinematics:
 
     def _row(self, name: str) -> int:
         """Return the row of a link, given by its name or role."""
-        link = name if name in self._links else self._roles.get(name, name)
-        if link not in self._links:
-            known = listed(similar_first(name, [*self._roles, *self._links]))
+        link = name if name in self.links else self._roles.get(name, name)
+        if link not in self.links:
+            known = listed(similar_first(name, [*self._roles, *self.links]))
             raise UnknownNameError(f"Unknown link '{name}'. Known links: {known}.")
-        return self._links.index(link)
+        return self.links.index(link)
 
     def _held(
         self, hold: Collection[str] | None, moved: Mapping[str, LinkTask]
@@ -346,15 +350,17 @@ class InverseKinematics:
         return {name: row for name, row in rows.items() if row not in targets}
 
     def _tasks(
-        self, targets: Mapping[str, Any], weights: Mapping[str, float] | None
+        self, targets: Mapping[str, Any], options: IkOptions
     ) -> dict[str, LinkTask]:
         """Read targets."""
-        _check_mapping("weights", weights or {})
-        unknown = [name for name in weights or {} if name not in targets]
-        if unknown:
-            raise UnknownNameError(
-                f"There is a weight but no target of {listed(unknown)}."
-            )
+        weights, points = options.weights or {}, options.points or {}
+        for what, given in (("weight", weights), ("point", points)):
+            _check_mapping(f"{what}s", given)
+            unknown = [name for name in given if name not in targets]
+            if unknown:
+                raise UnknownNameError(
+                    f"There is a {what} but no target of {listed(unknown)}."
+                )
         tasks: dict[str, LinkTask] = {}
         names: dict[int, str] = {}
         for name, given in targets.items():
@@ -363,9 +369,10 @@ class InverseKinematics:
             other = names.setdefault(row, name)
             if other != name:
                 raise InvalidValueError(f"{other} and {name} are the same link.")
-            weight = _weight(name, (weights or {}).get(name, 1.0))
+            weight = _weight(name, weights.get(name, 1.0))
             factor = min(weight, HARD) * _weights(is_oriented)
-            tasks[name] = LinkTask(row, pose, factor)
+            point = _point(name, points.get(name, np.zeros(3)))
+            tasks[name] = LinkTask(row, pose, factor, point)
         return tasks
 
     def _support(
@@ -382,7 +389,8 @@ class InverseKinematics:
             *(task for task in posed if task.link in self._feet),
         ):
             outline, radii = outlines(self._shapes[task.link])
-            placed = task.pose[:3] + rotate(task.pose[3:], outline)
+            pose = task.link_pose
+            placed = pose[:3] + rotate(pose[3:], outline)
             placed[:, 2] -= radii
             points.append(placed)
         floor = min((placed[:, 2].min() for placed in points), default=0.0) + SOLE
@@ -452,12 +460,27 @@ def _weight(name: str, given: object) -> float:
     return weight
 
 
+def _point(name: str, given: Any) -> np.ndarray:
+    """Read a point of a link."""
+    numbers = _numbers(given)
+    if numbers.shape != (3,) or not np.isfinite(numbers).all():
+        raise InvalidValueError(
+            f"The point of {name} must be x y z in its frame (got {str(given)[:80]})."
+        )
+    return numbers
+
+
+def _numbers(given: Any) -> np.ndarray:
+    """Read numbers; none if these are not numbers."""
+    try:
+        return np.array(given, dtype=float)
+    except (TypeError, ValueError):
+        return np.zeros(0)
+
+
 def _pose(name: str, given: Any) -> tuple[np.ndarray, bool]:
     """Read a target; return also whether it has a rotation."""
-    try:
-        numbers = np.array(given, dtype=float)
-    except (TypeError, ValueError):
-        numbers = np.zeros(0)
+    numbers = _numbers(given)
     if numbers.shape not in ((3,), (7,)) or not np.isfinite(numbers).all():
         raise InvalidValueError(
             f"The target of {name} must be a position x y z, or a pose x y z and "

@@ -28,6 +28,7 @@ from g1_description.robot.rotation import (
     from_rotation_vector,
     multiply,
     normalized,
+    rotate,
     to_rotation_vector,
 )
 
@@ -79,6 +80,15 @@ class LinkTask(NamedTuple):
     """Of its position along the world's axes and of its rotation about them, shape
     (6,); 0: any will do."""
 
+    point: np.ndarray = np.zeros(3)
+    """Which of its points should be there, in its frame, in [m], shape (3,)."""
+
+    @property
+    def link_pose(self) -> np.ndarray:
+        """Pose of the link itself in the world, shape (7,)."""
+        origin = self.pose[:3] - rotate(self.pose[3:], self.point)
+        return np.concatenate([origin, self.pose[3:]])
+
 
 @dataclass(frozen=True, eq=False)
 class Constraints:
@@ -111,6 +121,9 @@ class Linearization:
     tasks: Sequence[LinkTask]
     bounds: Constraints
     jacobians: Jacobians
+
+    points: np.ndarray
+    """Those of tasks in the world, in [m], shape (n_tasks, 3)."""
 
     displacements: np.ndarray
     """By how much the links of tasks must move and turn along the world's axes, in [m]
@@ -182,9 +195,11 @@ class IkSolver:
         """Compare a configuration with tasks and bounds."""
         jacobians = Jacobians(self.kinematics, *now)
         poses = jacobians.link_poses[[task.link for task in tasks]].reshape(-1, 7)
+        offsets = np.array([task.point for task in tasks]).reshape(-1, 3)
+        points = poses[:, :3] + rotate(poses[:, 3:], offsets)
         wanted = np.array([task.pose for task in tasks]).reshape(-1, 7)
         turns = multiply(wanted[:, 3:], conjugate(poses[:, 3:]))
-        moves = [wanted[:, :3] - poses[:, :3], to_rotation_vector(turns)]
+        moves = [wanted[:, :3] - points, to_rotation_vector(turns)]
         free = np.array([task.weights for task in tasks]).reshape(-1, 6) == 0.0
         displacements = np.where(free, 0.0, np.concatenate(moves, axis=-1))
         n_columns = 6 + len(now.position)
@@ -196,7 +211,7 @@ class IkSolver:
             parts.append(self._approaches(bounds.distance, jacobians))
         rates, room = (np.concatenate(part) for part in zip(*parts))
         return Linearization(
-            now, tasks, bounds, jacobians, displacements, rates, room, n_edges
+            now, tasks, bounds, jacobians, points, displacements, rates, room, n_edges
         )
 
     def _balance(
@@ -240,7 +255,7 @@ class IkSolver:
         now, bounds, tasks = view.configuration, view.bounds, view.tasks
         weights = np.array([task.weights for task in tasks]).reshape(-1, 6)
         wanted = (weights * view.displacements).ravel()
-        matrix = view.jacobians.of_links([task.link for task in tasks])
+        matrix = view.jacobians.of_links([task.link for task in tasks], view.points)
         matrix = (weights[..., np.newaxis] * matrix).reshape(len(wanted), -1)
         hessian, gradient = matrix.T @ matrix, -matrix.T @ wanted
         every = np.arange(len(gradient))

@@ -44,17 +44,23 @@ class Jacobians:
         screws = kinematics.joint_screws(origin, axis)
         self._screws = np.concatenate([root, screws], axis=-2)
 
-    def of_links(self, rows: Sequence[int] | np.ndarray) -> np.ndarray:
-        """Compute the Jacobians of origins of links.
+    def of_links(
+        self, rows: Sequence[int] | np.ndarray, points: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Compute the Jacobians of links.
 
         Args:
             rows: Rows of the links, shape (n,).
+            points: Points of the links in the world, in [m], shape (..., n, 3); None:
+                their origins.
 
         Returns:
-            J such that J @ velocities is the twist of the origin, linear then angular,
+            J such that J @ velocities is the twist of the point, linear then angular,
             along the world's axes, shape (..., n, 6, 6 + n_joints).
         """
-        linear = self.of_points(rows, self.link_poses[..., rows, :3])
+        if points is None:
+            points = self.link_poses[..., rows, :3]
+        linear = self.of_points(rows, points)
         moves = self._moves[rows][:, np.newaxis]
         angular = moves * np.swapaxes(self._screws[..., np.newaxis, :, 3:], -1, -2)
         return np.concatenate([linear, angular], axis=-2)

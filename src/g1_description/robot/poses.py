@@ -134,6 +134,11 @@ def user_file() -> Path:
     return ros_home() / PACKAGE / "poses.yaml"
 
 
+def fitting_poses(robot: Description) -> list[str]:
+    """List the names of the poses that fit a robot, as by ``check_pose``."""
+    return [name for name, pose in read_poses(robot).items() if fits(pose, robot)]
+
+
 def read_poses(robot: Description, file: Path | None = None) -> dict[str, Pose]:
     """Read the poses of a robot: ``zero``, those of its profile, and the user's.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -144,6 +144,23 @@ def lowest_heights(robot: Description, trajectory: Motion) -> np.ndarray:
         for points, radius in _outlines(link):
             lowest.append(_lowest(poses[:, row], points) - radius)
     return np.min(lowest or [poses[..., 2].min(axis=1)], axis=0)
+
+
+def standing_base(robot: Description, positions: Mapping[str, float]) -> np.ndarray:
+    """Compute an upright base pose above the map's origin on which the robot stands.
+
+    Args:
+        robot: The robot.
+        positions: Of its joints, in [rad] or [m] by name.
+
+    Returns:
+        T_map_base, shape (7,), with which its lowest point is at height 0.
+    """
+    bent = np.array([[*positions.values()]], dtype=float)
+    upright = IDENTITY.copy()
+    posture = Motion(np.zeros(1), tuple(positions), bent, None, upright[np.newaxis])
+    upright[2] = -lowest_height(robot, posture)
+    return upright
 
 
 def outlines(link: Link) -> tuple[np.ndarray, np.ndarray]:

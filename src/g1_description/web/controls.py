@@ -21,7 +21,7 @@ from g1_description.robot.poses import (
     check_name,
     check_pose,
     find_pose,
-    fits,
+    fitting_poses,
     pose_positions,
     read_poses,
     save_pose,
@@ -380,7 +380,9 @@ class PosePanel:
                 step=0.1,
                 hint="duration of the motion; 0: at once",
             )
-            self._poses = gui.add_button_group("Take", self._names() or [NONE])
+            self._poses = gui.add_button_group(
+                "Take", fitting_poses(robot.description) or [NONE]
+            )
             self._name = gui.add_text("Name", "", hint="of the pose to save")
             self._replace = gui.add_checkbox(
                 "Replace", False, hint="a pose of that name, if there is one"
@@ -388,11 +390,6 @@ class PosePanel:
             save = gui.add_button("Save pose", hint=f"into {user_file()}")
         ui.on(save, self._save)
         ui.on(self._poses, self._take)
-
-    def _names(self) -> list[str]:
-        """List the poses that fit the robot."""
-        robot = self._robot.description
-        return [n for n, pose in read_poses(robot).items() if fits(pose, robot)]
 
     def _take(self) -> None:
         """Move the robot to the selected pose, read again from the file."""
@@ -426,5 +423,5 @@ class PosePanel:
         positions = known(state.positions_by_name, self._robot)
         save_pose(Pose(name, positions, "saved in the browser"), user_file())
         self._replace.value = False
-        self._poses.options = tuple(self._names())
+        self._poses.options = tuple(fitting_poses(self._robot.description))
         self._ui.tell(f"Saved pose {name} in {user_file()}.", "green")

@@ -18,7 +18,7 @@ from g1_description.robot.state import RobotState
 from g1_description.robot.transform import IDENTITY
 from g1_description.sim.anchor import Anchor
 from g1_description.sim.model import Model
-from g1_description.sim.standing import lowest_height
+from g1_description.sim.standing import standing_base
 from g1_description.web.robot import ShownRobot
 
 DISTANCE = 1.2
@@ -274,20 +274,3 @@ class FileWorld:
             goal = np.array([positions[name] for name in names])
             robot.go(minimum_jerk_trajectory(names, begin, goal, seconds))
         self.changed.set()
-
-
-def standing_base(robot: Description, positions: Mapping[str, float]) -> np.ndarray:
-    """Compute an upright base pose above the map's origin on which the robot stands.
-
-    Args:
-        robot: The robot.
-        positions: Of its joints, in [rad] or [m] by name.
-
-    Returns:
-        T_map_base, shape (7,), with which its lowest point is at height 0.
-    """
-    bent = np.array([[*positions.values()]], dtype=float)
-    upright = IDENTITY.copy()
-    posture = Motion(np.zeros(1), tuple(positions), bent, None, upright[np.newaxis])
-    upright[2] = -lowest_height(robot, posture)
-    return upright

@@ -12,6 +12,7 @@ import numpy as np
 
 from g1_description.checks.verdict import Verdict
 from g1_description.collisions.self_collisions import SelfCollisions
+from g1_description.ik.posing import roles_of
 from g1_description.robot.state import RobotState
 from g1_description.web.check_thread import CheckThread, MakeChecker
 from g1_description.web.controls import BasePanel, JointPanel, PosePanel
@@ -20,7 +21,7 @@ from g1_description.web.library import Library
 from g1_description.web.library_panel import LibraryPanel
 from g1_description.web.motion_panel import MotionPanel
 from g1_description.web.plots import PlotPanel
-from g1_description.web.reach_panel import ReachPanel, roles_of
+from g1_description.web.reach_panel import ReachPanel
 from g1_description.web.robot import ShownRobot, ShownWorld
 from g1_description.web.scene.marks import KEYS as POINTED
 from g1_description.web.scene.marks import Pointer
@@ -171,9 +172,15 @@ class Page:
         server, robot = self._server, shown.robot
         shown.joints = JointPanel(server.gui, self.ui, robot)
         shown.base = BasePanel(server, self.ui, robot)
-        if roles_of(robot):
+        if roles_of(robot.description):
             shown.reach = ReachPanel(
-                server, self.ui, robot, shown.joints, partial(self._collisions, robot)
+                server,
+                self.ui,
+                robot,
+                shown.joints,
+                shown.body,
+                self._stage,
+                partial(self._collisions, robot),
             )
         PosePanel(server.gui, self.ui, self._world, robot, shown.joints)
 

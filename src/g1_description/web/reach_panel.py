@@ -1,50 +1,46 @@
-"""Gizmos on hands, feet and other links of a robot, which the whole body follows."""
+"""Gizmos on hands, feet and other links of a robot, which the whole body follows.
+
+With the gizmos on, every link can be dragged with the mouse, too.
+"""
 
 from __future__ import annotations
 
 import math
 import time
 from functools import partial
-from typing import TYPE_CHECKING, Tuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from g1_description.bounds import MAX_VALUE
 from g1_description.errors import InvalidValueError
-from g1_description.ik.inverse_kinematics import IkOptions, InverseKinematics
-from g1_description.ik.solver import IkSolver
-from g1_description.motion.mirror import mirrored
-from g1_description.motion.motion import Motion
-from g1_description.robot.assembly import WORLD, root_in_base
-from g1_description.robot.kinematics import Kinematics
-from g1_description.robot.launch_arguments import FEET
+from g1_description.ik.inverse_kinematics import IkResult
+from g1_description.ik.posing import Posing
+from g1_description.robot.poses import ZERO, fitting_poses
+from g1_description.robot.rotation import conjugate, rotate
 from g1_description.robot.state import RobotState
-from g1_description.robot.transform import compose
 from g1_description.web.controls import HELD, LEAST_NORM, PERIOD, JointPanel
 from g1_description.web.findings_panel import plain
 from g1_description.web.robot import ShownRobot
-from g1_description.web.scene.stage import MAP
+from g1_description.web.scene.robot import SEE_THROUGH, SceneRobot, link_patches, rgb
+from g1_description.web.scene.stage import MAP, Stage
 from g1_description.web.scene.tree import pose_of, wxyz
 from g1_description.web.ui_loop import UiLoop
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from viser import ViserServer
+    from viser import MeshHandle, TransformControlsHandle, ViserServer
 
     from g1_description.collisions.self_collisions import SelfCollisions
-
-IMU = "imu"
-"""The only role of a profile whose link has no gizmo."""
 
 SCALE = 0.2
 """Length of a gizmo's arrows, in [m]."""
 
-MAX_UNDO = 100
-"""Number of changes that can be undone."""
+TARGET = (0.95, 0.6, 0.1, SEE_THROUGH)
+"""Colour of a link at a target that is not reached."""
 
-Placed = Tuple[np.ndarray, np.ndarray]
-"""Positions of joints, in the order of the robot, and the pose of its base."""
+UNDO, REDO, MIRROR, RESET = "Undo", "Redo", "Mirror", "Reset"
 
 
 class ReachPanel:
@@ -56,6 +52,8 @@ class ReachPanel:
         ui: UiLoop,
         robot: ShownRobot,
         joints: JointPanel,
+        body: SceneRobot,
+        stage: Stage,
         collisions: Callable[[], SelfCollisions],
     ) -> None:
         """Add the panel.
@@ -65,24 +63,20 @@ class ReachPanel:
             ui: Runs the actions.
             robot: The robot, with links in its profile.
             joints: Its sliders.
+            body: Its shapes.
+            stage: Where it is.
             collisions: Prepares its self-collisions, which may take seconds.
         """
         self._ui, self._robot, self._joints = ui, robot, joints
-        description = robot.description
-        self._names = tuple(joint.name for joint in description.movable_joints)
-        self._kinematics = Kinematics(description)
-        self._T_base_root = root_in_base(description)
-        self._inverse = InverseKinematics(description, IkSolver(description))
+        self._body, self._stage = body, stage
+        self.posing = Posing(robot.description, robot.state, self._command)
         self._make_collisions = collisions
-        self._apart: InverseKinematics | None = None
-        self._links = roles_of(robot)
-        self._begin: Placed | None = None
-        """Where the robot was when the present drag began."""
-        self._now: Placed | None = None
-        self._dragged_at = dict.fromkeys(self._links, -math.inf)
+        roles = self.posing.roles
+        self._dragged_at = dict.fromkeys(roles, -math.inf)
+        self._grabbed: tuple[str, np.ndarray] | None = None
+        """A link that is dragged with the mouse, and where in its frame."""
+        self._ghosts: dict[str, list[MeshHandle]] = {}
         self._looked = 0.0
-        self._undone: list[Placed] = []
-        self._past: list[Placed] = []
         self._add(server)
 
     def _add(self, server: ViserServer) -> None:
@@ -92,12 +86,11 @@ class ReachPanel:
             self._on = gui.add_checkbox(
                 "Gizmos",
                 False,
-                hint="on hands, feet and other links; the whole body follows",
+                hint="on hands, feet and other links; all links can be dragged, too",
             )
             self._holds = {
                 foot: gui.add_checkbox(f"{_label(foot)} stays", True)
-                for foot in FEET
-                if foot in self._links
+                for foot in self.posing.feet
             }
             self._balance = gui.add_checkbox(
                 "Balance", True, hint="centre of mass above the feet that stay"
@@ -105,58 +98,69 @@ class ReachPanel:
             self._avoid = gui.add_checkbox(
                 "Avoid collisions", False, hint="links keep 2 mm from each other"
             )
-            self._steps = gui.add_button_group("Change", ["Undo", "Redo", "Mirror"])
+            self._changes = gui.add_button_group("Change", [UNDO, REDO, MIRROR])
+            self._pose = gui.add_dropdown(
+                "Pose",
+                fitting_poses(self._robot.description),
+                initial_value=self._standing_pose(),
+                hint="of Reset, which stands the robot on the floor",
+            )
+            self._reset = gui.add_button(RESET)
             self._told = gui.add_markdown("", visible=False)
         ui.on(self._on, self._show_gizmos)
         ui.on(self._avoid, self._prepare)
-        ui.on(self._steps, self._change)
+        for box in (*self._holds.values(), self._balance, self._pose):
+            ui.on(box, self._choose)
+        ui.on(self._changes, lambda: self.change(self._changes.value))
+        ui.on(self._reset, lambda: self.change(RESET))
         self._gizmos = {
             role: server.scene.add_transform_controls(
                 f"{MAP}/reach/{name}/{role}", scale=SCALE, visible=False
             )
-            for role in self._links
+            for role in self.posing.roles
         }
         self._turns = {role: gizmo.wxyz for role, gizmo in self._gizmos.items()}
         for role, gizmo in self._gizmos.items():
             ui.on(gizmo, partial(self._dragged, role))
+        self._scene = server.scene
 
     @property
     def has_gizmos(self) -> bool:
         """Whether the gizmos are shown."""
         return bool(self._on.value)
 
+    def _standing_pose(self) -> str:
+        """Name the pose in which the robot stands."""
+        robot = self._robot.description
+        name = (robot.given_profile or robot.profile).standing_pose
+        return name if name in fitting_poses(robot) else ZERO
+
     def _show_gizmos(self) -> None:
         """Show the gizmos, or hide them."""
+        self._pose.options = tuple(fitting_poses(self._robot.description))
         self._looked = 0.0
         for gizmo in self._gizmos.values():
             gizmo.visible = self.has_gizmos
+        self._body.on_drag(self._on_drag if self.has_gizmos else None)
+
+    def _choose(self) -> None:
+        """Take the switches over."""
+        self.posing.held = {foot for foot, box in self._holds.items() if box.value}
+        self.posing.balance = bool(self._balance.value)
+        self.posing.avoid_collisions = bool(self._avoid.value)
 
     def _prepare(self) -> None:
         """Prepare self-collisions on first use."""
-        if self._avoid.value and self._apart is None:
-            description = self._robot.description
+        self._choose()
+        if self._avoid.value and not self.posing.is_prepared:
+            self._ui.wait_for(self._make_collisions, self.posing.prepare)
 
-            def ready(shapes: SelfCollisions) -> None:
-                self._apart = InverseKinematics(
-                    description, IkSolver(description, shapes)
-                )
+    def _command(self, positions: dict[str, float], base: np.ndarray) -> None:
+        """Command a configuration."""
+        self._joints.let_go()
+        self._robot.command_all(positions, base)
 
-            self._ui.wait_for(self._make_collisions, ready)
-
-    def _place(self) -> Placed:
-        """Return where the robot is.
-
-        Raises:
-            InvalidValueError: If that is unknown.
-        """
-        state = self._robot.state()
-        if state is None or state.base_pose is None:
-            raise InvalidValueError("The state of the robot or its base is unknown.")
-        known = state.positions_by_name
-        missing = [name for name in self._names if name not in known]
-        if missing:
-            raise InvalidValueError(f"The position of {missing[0]} is unknown.")
-        return np.array([known[name] for name in self._names]), state.base_pose
+    # --- dragging ---
 
     def _dragged(self, role: str) -> None:
         """Move the robot so that a link follows its gizmo."""
@@ -170,69 +174,99 @@ class ReachPanel:
         if not length > LEAST_NORM:
             return
         pose[3:] /= length
-        is_new = not self._is_dragged(role)
+        if not self._is_dragged(role):
+            self.posing.end_drag()
         self._dragged_at[role] = time.monotonic()
-        if is_new or self._begin is None or self._now is None:
-            self._begin = self._now = self._place()
-            self._remember(self._begin)
-        held = [foot for foot, box in self._holds.items() if box.value and foot != role]
-        options = IkOptions(
-            hold=held,
-            balance=bool(self._balance.value and held),
-            collisions=bool(self._avoid.value) and self._apart is not None,
-            base_motion="free",
-        )
-        inverse = (self._apart if options.collisions else None) or self._inverse
+        found = self._move(role, pose)
+        self._show_ghost(role, found is not None and not found.reached)
+
+    def _move(
+        self, link: str, target: np.ndarray, point: np.ndarray | None = None
+    ) -> IkResult | None:
+        """Move the robot; tell what is not reached."""
         try:
-            found = inverse.solve({role: pose}, *self._begin, options, 1, self._now)
+            found = self.posing.drag(link, target, point)
         except InvalidValueError as error:
             self._tell(str(error))
-            return
-        self._now = found.positions, found.base
-        self._command(self._now)
+            return None
         self._tell(found.message)
+        return found
 
     def _is_dragged(self, role: str) -> bool:
         """Return whether a gizmo was dragged recently."""
         return time.monotonic() < self._dragged_at[role] + HELD
 
-    def _command(self, placed: Placed) -> None:
-        """Command a configuration."""
-        positions, base = placed
-        self._joints.let_go()
-        self._robot.command_all(dict(zip(self._names, positions.tolist())), base)
+    def _on_drag(self, link: str, event: Any) -> None:
+        """Hear of the mouse that drags a link, in the thread of the server."""
+        phase, at = event.phase, event.end_position
+        if phase == "start":
+            at = event.start_position
+        self._ui.post(("grab", id(self), phase), partial(self._grab, link, phase, at))
+
+    def _grab(self, link: str, phase: str, at: tuple[float, ...]) -> None:
+        """Move the robot so that a point of a link follows the mouse."""
+        place = np.array(at, dtype=float)
+        if place.shape != (3,) or not (np.abs(place) <= MAX_VALUE).all():
+            return
+        place -= self._stage.shift
+        if phase == "start":
+            self.posing.end_drag()
+            state = self._robot.state()
+            if state is None or state.base_pose is None:
+                return
+            pose = self.posing.link_poses(state)[link]
+            point = rotate(conjugate(pose[3:]), place - pose[:3])
+            self._grabbed = link, point
+        elif self._grabbed is not None and self._grabbed[0] == link:
+            if phase == "end":
+                self._grabbed = None
+                self.posing.end_drag()
+            else:
+                self._move(link, place, self._grabbed[1])
+
+    def _show_ghost(self, role: str, is_on: bool) -> None:
+        """Show a link at its target, below its gizmo, or hide it."""
+        if is_on and role not in self._ghosts:
+            link = self.posing.roles[role]
+            patches, _ = link_patches(self._robot.description)
+            self._ghosts[role] = [
+                self._scene.add_mesh_simple(
+                    f"{self._gizmos[role].name}/target_{number}",
+                    patch.vertices,
+                    patch.faces,
+                    color=rgb(TARGET),
+                    opacity=TARGET[3],
+                    flat_shading=True,
+                )
+                for number, patch in enumerate(patches.get(link, ()))
+            ]
+        for mesh in self._ghosts.get(role, ()):
+            if mesh.visible != is_on:
+                mesh.visible = is_on
+
+    # --- whole changes ---
+
+    def change(self, what: str) -> None:
+        """Undo, redo, mirror or reset.
+
+        Raises:
+            G1DescriptionError: If that is not possible.
+        """
+        if what == RESET:
+            self.posing.reset(str(self._pose.value))
+        else:
+            {
+                UNDO: self.posing.undo,
+                REDO: self.posing.redo,
+                MIRROR: self.posing.mirror,
+            }[what]()
+        self._dragged_at = dict.fromkeys(self._gizmos, -math.inf)
+        self._tell("")
 
     def _tell(self, text: str) -> None:
         """Show a sentence, or none."""
         self._told.content = plain(text)
         self._told.visible = bool(text)
-
-    def _remember(self, placed: Placed) -> None:
-        """Let a change be undone."""
-        self._past = [*self._past[1 - MAX_UNDO :], placed]
-        self._undone.clear()
-
-    def _change(self) -> None:
-        """Undo, redo or mirror."""
-        now, wanted = self._place(), self._steps.value
-        if wanted == "Mirror":
-            self._remember(now)
-            motion = Motion(np.zeros(1), self._names, now[0][None], None, now[1][None])
-            other = mirrored(motion, self._robot.description)
-            by_name = dict(zip(other.joint_names, other.positions[0].tolist()))
-            positions = np.array([by_name[name] for name in self._names])
-            assert other.base_poses is not None
-            self._command((positions, other.base_poses[0]))
-        else:
-            source, other_side = self._past, self._undone
-            if wanted == "Redo":
-                source, other_side = self._undone, self._past
-            if not source:
-                raise InvalidValueError(f"There is nothing to {wanted.lower()}.")
-            other_side.append(now)
-            self._command(source.pop())
-        self._dragged_at = dict.fromkeys(self._links, -math.inf)
-        self._tell("")
 
     def follow(self, state: RobotState) -> None:
         """Put gizmos that are not dragged on their links."""
@@ -242,29 +276,18 @@ class ReachPanel:
         if state.base_pose is None:
             return
         self._looked = now
-        known = state.positions_by_name
-        positions = np.array([known.get(name, 0.0) for name in self._names])
-        root = compose(state.base_pose, self._T_base_root)
-        poses = self._kinematics.link_poses(root, positions)
-        for role, row in self._links.items():
-            gizmo = self._gizmos[role]
-            # A person's value is another array, and may not have been heard yet.
-            if self._is_dragged(role) or gizmo.wxyz is not self._turns[role]:
-                continue
-            gizmo.position = poses[row, :3]
-            gizmo.wxyz = np.array(wxyz(poses[row]))
+        poses = self.posing.link_poses(state)
+        for role, link in self.posing.roles.items():
+            if not self._is_dragged(role):
+                self._put(role, self._gizmos[role], poses[link])
 
-
-def roles_of(robot: ShownRobot) -> dict[str, int]:
-    """Find the links that have gizmos, as rows by role."""
-    description = robot.description
-    profile = description.given_profile or description.profile
-    names = [name for name in description.link_names if name != WORLD]
-    return {
-        role: names.index(link)
-        for role, link in profile.links.items()
-        if link in names and role != IMU
-    }
+    def _put(self, role: str, gizmo: TransformControlsHandle, pose: np.ndarray) -> None:
+        """Put a gizmo on its link."""
+        # A person's value is another array, and may not have been heard yet.
+        if gizmo.wxyz is self._turns[role]:
+            self._show_ghost(role, False)
+            gizmo.position = pose[:3]
+            gizmo.wxyz = np.array(wxyz(pose))
 
 
 def _label(role: str) -> str:

@@ -269,6 +269,27 @@ class SceneRobot:
             for mesh, _ in meshes:
                 attach(mesh, link)
 
+    def on_drag(self, act: Callable[[str, Any], object] | None) -> None:
+        """Set an action for drags of a link with the left button.
+
+        Args:
+            act: Called with the link's name and viser's event, in the order of events;
+                None: drags turn the view.
+        """
+
+        def attach(mesh: MeshHandle, link: str) -> None:
+            async def came(event: Any) -> None:
+                if act is not None:
+                    act(link, event)
+
+            mesh.remove_drag_callback("all")
+            if act is not None:
+                mesh.on_drag("left")(came)
+
+        for link, meshes in self._visuals.items():
+            for mesh, _ in meshes:
+                attach(mesh, link)
+
     def name(self, link: str) -> None:
         """Show the name of one link, or hide it if that is the one shown."""
         shown, self._named = self._named, None

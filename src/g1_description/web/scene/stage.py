@@ -35,7 +35,8 @@ class Stage:
         self._axes = server.scene.add_frame(
             f"{MAP}/axes", axes_length=0.3, axes_radius=0.008, visible=False
         )
-        self._shift = np.zeros(3)
+        self.shift = np.zeros(3)
+        """Position of the map in the scene, in [m]."""
         self._grid = server.scene.add_grid(
             "/floor",
             infinite_grid=True,
@@ -76,8 +77,8 @@ class Stage:
             place: x and y in the map, in [m].
         """
         shift = np.array([-place[0], -place[1], 0.0])
-        if (shift != self._shift).any():
-            self._shift = shift
+        if (shift != self.shift).any():
+            self.shift = shift
             self._map.position = shift
             self._grid.position = np.fmod(shift, SECTION)
 
