@@ -280,12 +280,7 @@ class Robot:
         targets: Mapping[str, Any],
         start: JointValues | None = None,
         base: Any = None,
-        hold: Collection[str] | None = None,
-        balance: bool = False,
-        collisions: bool = False,
-        base_motion: str | None = None,
-        weights: Mapping[str, float] | None = None,
-        points: Mapping[str, Any] | None = None,
+        **options: Any,
     ) -> IkResult:
         """Search a configuration in which links are where they should be.
 
@@ -296,18 +291,21 @@ class Robot:
             start: Positions at which the search begins, clipped to the limits; the
                 result is near them where targets leave a choice. None: neutral ones.
             base: Pose of the base link at the start.
-            hold: Names or roles of links that stay where they are at the start; None:
-                the profile's feet, as far as they have no target.
-            balance: Whether the centre of mass must be above the held links that stand
-                on the floor, by a centimetre.
-            collisions: Whether links that are checked for collisions keep 2 mm apart.
-            base_motion: How the base moves: ``free``, ``planar`` (along and about the
-                floor) or ``fixed``; None: free if a link is held or a foot has a
-                target, else fixed.
-            weights: Of targets by name, by default 1; infinite: the others must not
-                disturb it, as with held links.
-            points: Points of links that are brought to their targets, such as a
-                fingertip, x y z in the frame of the link; by default its origin.
+            options: Of these:
+
+                - ``hold``: names or roles of links that stay where they are at the
+                  start; by default the profile's feet, as far as they have no target.
+                - ``balance=True``: the centre of mass is above the held links that
+                  stand on the floor, by a centimetre.
+                - ``collisions=True``: links that are checked for collisions keep 2 mm
+                  apart.
+                - ``base_motion``: how the base moves: ``free``, ``planar`` (along and
+                  about the floor) or ``fixed``; by default free if a link is held or a
+                  foot has a target, else fixed.
+                - ``weights``: of targets by name, by default 1; infinite: the others
+                  must not disturb it, as with held links.
+                - ``points``: points of links that are brought to their targets, such
+                  as fingertips, x y z in the frame of the link; by default its origin.
 
         Returns:
             The configuration. If not all can be reached it is the nearest one found,
@@ -318,9 +316,10 @@ class Robot:
         """
         from g1_description.ik.inverse_kinematics import IkOptions
 
-        options = IkOptions(hold, balance, collisions, base_motion, weights, points)
+        kept = IkOptions.of("ik", options)
         begin, pose = self._start(start, base)
-        return self._inverse_kinematics(collisions).solve(targets, begin, pose, options)
+        inverse = self._inverse_kinematics(kept.collisions)
+        return inverse.solve(targets, begin, pose, kept)
 
     def ik_path(
         self,
@@ -338,8 +337,7 @@ class Robot:
                 (n_samples, 3).
             start: As for ``ik``: where the search for the first sample begins.
             base: The same.
-            options: ``hold``, ``balance``, ``collisions``, ``base_motion``, ``weights``
-                and ``points`` of ``ik``; links are held where they are at the start.
+            options: As for ``ik``; links are held where they are at the start.
 
         Returns:
             The motion, whose joints keep to their limits of position and velocity, and

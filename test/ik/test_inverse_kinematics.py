@@ -76,7 +76,7 @@ def reachable(robot, seed):
         base = BASE.copy()
         base[:3] += random.uniform([-0.1, -0.1, -0.3], [0.1, 0.1, 0.0])
         base[3:] = Rotation.from_rotvec(random.uniform(-0.3, 0.3, 3)).as_quat()
-        found = robot.ik({"pelvis": base}, posture, BASE, FEET)
+        found = robot.ik({"pelvis": base}, posture, BASE, hold=FEET)
         if (errors(robot, found, feet) < 1e-4).all():
             poses = robot.link_poses(found.positions, found.base)
             return {hand: poses[hand] for hand in HANDS}
@@ -225,7 +225,7 @@ def test_contradictory_targets_are_weighted(weights, wanted):
 @pytest.mark.parametrize("motion", ["fixed", "planar"])
 def test_the_base_moves_as_far_as_it_may(g1, motion):
     start, target = g1.pose("stand"), [1.2, 0.5, 1.0]
-    result = g1.ik({"left_hand": target}, start, BASE, (), base_motion=motion)
+    result = g1.ik({"left_hand": target}, start, BASE, hold=(), base_motion=motion)
     assert result.reached == (motion == "planar")
     if motion == "fixed":
         np.testing.assert_allclose(result.base, BASE, rtol=0, atol=1e-15)
@@ -250,6 +250,39 @@ def test_a_foot_with_a_target_is_not_held(g1):
     assert result.reached
     assert set(result.errors) == {"left_foot", "right_foot"}
     assert errors(g1, result, {"left_ankle_roll_link": foot})[0, 0] < 1e-3
+
+
+@pytest.mark.parametrize("is_oriented", [True, False])
+def test_a_fingertip_is_brought_to_its_target(g1, is_oriented):
+    start, tip = g1.pose("stand"), np.array([0.11, 0.02, -0.03])
+    target = np.array([0.3, 0.3, 0.9, 0.0, 0.0, 0.0, 1.0])
+    given = target if is_oriented else target[:3]
+    result = g1.ik({"left_hand": given}, start, BASE, points={"left_hand": tip})
+    assert result.reached
+    hand = g1.link_poses(result.positions, result.base)["left_rubber_hand"]
+    turn = Rotation.from_quat(hand[3:])
+    np.testing.assert_allclose(hand[:3] + turn.apply(tip), target[:3], atol=1e-3)
+    if is_oriented:
+        assert np.linalg.norm(turn.as_rotvec()) < np.radians(0.5)
+
+
+def test_feet_stand_where_their_points_are_put(g1):
+    """The same configuration, whether origins of feet are targets or their heels."""
+    start, heel = g1.pose("stand"), np.array([-0.05, 0.0, -0.03])
+    feet = {foot: g1.link_poses(start, BASE)[foot] for foot in FEET}
+    goals = {
+        foot: np.concatenate([p[:3] + Rotation.from_quat(p[3:]).apply(heel), p[3:]])
+        for foot, p in feet.items()
+    }
+    hand = {"left_hand": [0.35, 0.3, 0.7]}
+    by_origins = g1.ik({**feet, **hand}, start, BASE, balance=True)
+    points = dict.fromkeys(FEET, heel)
+    by_heels = g1.ik({**goals, **hand}, start, BASE, balance=True, points=points)
+    assert by_origins.reached
+    assert by_heels.reached
+    for foot, pose in feet.items():
+        found = g1.link_poses(by_heels.positions, by_heels.base)[foot]
+        np.testing.assert_allclose(found, pose, rtol=0, atol=1e-3)
 
 
 @settings(max_examples=25)
@@ -327,6 +360,12 @@ def test_a_path_that_is_too_fast_lags_and_catches_up():
         ({"hold": [], "balance": True}, "Balance needs links that stand on the floor"),
         ({"targets": [0.4, 0.2, 0.4]}, "targets must be a dictionary by link"),
         ({"weights": 2.0}, "weights must be a dictionary by link"),
+        ({"points": [0, 0, 0]}, "points must be a dictionary by link"),
+        (
+            {"targets": {"head": [0, 0, 1]}, "points": {"head": [0, 0]}},
+            "point of head must be x y z",
+        ),
+        ({"points": {"head": [0, 0, 0]}}, "There is a point but no target of head"),
         (
             {"targets": {"left_hand": [0, 0, 1], "left_rubber_hand": [0, 0, 1]}},
             "left_hand and left_rubber_hand are the same link",

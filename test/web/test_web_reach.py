@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from waiting import wait_for
 
 pytest.importorskip("viser", reason="viser is not installed")
@@ -244,6 +245,68 @@ def test_a_mirrored_robot_has_its_hands_exchanged(g1, panel, robot):
     np.testing.assert_allclose(after["right_rubber_hand"][:3], wanted, atol=2e-3)
     panel.change("Undo")
     np.testing.assert_allclose(places(g1, robot)[HAND], before[HAND], atol=1e-9)
+
+
+def grab(panel, link, phase, at):
+    panel._grab(link, phase, tuple(np.add(at, panel.stage.shift).tolist()))
+
+
+def test_any_link_is_grabbed_where_the_mouse_is(g1, panel, robot):
+    panel.stage.follow(np.array([0.4, -0.2]))  # the scene has moved below the camera
+    elbow = places(g1, robot)["left_elbow_link"].copy()
+    tip = np.array([0.02, 0.01, 0.03])
+    begin = elbow[:3] + Rotation.from_quat(elbow[3:]).apply(tip)
+    feet = [places(g1, robot)[foot].copy() for foot in (LEFT, RIGHT)]
+    grab(panel, "left_elbow_link", "start", begin)
+    for share in np.linspace(0.0, 1.0, 20):
+        grab(
+            panel,
+            "left_elbow_link",
+            "update",
+            begin + share * np.array([0.1, 0.05, 0.1]),
+        )
+    now = places(g1, robot)
+    elbow = now["left_elbow_link"]
+    there = elbow[:3] + Rotation.from_quat(elbow[3:]).apply(tip)
+    goal = begin + np.array([0.1, 0.05, 0.1])
+    np.testing.assert_allclose(there, goal, rtol=0, atol=1e-3)
+    for foot, pose in zip((LEFT, RIGHT), feet):
+        np.testing.assert_allclose(now[foot], pose, rtol=0, atol=1e-4)
+    grab(panel, "left_elbow_link", "end", begin)
+    grab(panel, "left_elbow_link", "update", begin)  # late
+    np.testing.assert_array_equal(places(g1, robot)[LEFT], now[LEFT])
+    panel.change("Undo")
+    np.testing.assert_allclose(places(g1, robot)[LEFT], feet[0], atol=1e-9)
+
+
+def test_a_reset_robot_stands_at_its_place(g1, panel, robot):
+    turn = Rotation.from_rotvec([0.0, 0.0, 0.5])
+    tilted = (turn * Rotation.from_rotvec([0.3, 0.2, 0.0])).as_quat()
+    bent = dict.fromkeys(g1.joint_names, 0.2)
+    robot.command_all(bent, np.concatenate([[1.0, 2.0, 0.9], tilted]))
+    panel.change("Reset")
+    state = robot.state()
+    names = dict(zip(g1.joint_names, g1.pose("stand")))
+    assert state.positions_by_name == pytest.approx(names)
+    np.testing.assert_allclose(state.base_pose[:2], [1.0, 2.0], atol=1e-9)
+    upright = Rotation.from_quat(state.base_pose[3:]).apply([0.0, 0.0, 1.0])
+    np.testing.assert_allclose(upright, [0.0, 0.0, 1.0], atol=1e-9)
+    assert g1.check_state(state.positions_by_name, state.base_pose).passed
+
+
+def test_the_link_is_shown_at_a_target_that_is_not_reached(panel, robot, clock):
+    def is_shown():
+        ghosts = panel._ghosts.get("left_hand", ())
+        return bool(ghosts) and all(mesh.visible for mesh in ghosts)
+
+    drag(panel, "left_hand", [0.05, 0.0, 0.0])
+    assert not is_shown()
+    drag(panel, "left_hand", [2.0, 0.0, 0.0])
+    assert is_shown()
+    clock.now += 1.0
+    panel._looked = -1.0
+    panel.follow(robot.state())
+    assert not is_shown()
 
 
 @pytest.mark.parametrize(
