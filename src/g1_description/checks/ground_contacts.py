@@ -298,7 +298,8 @@ def _trim_steps(stood: np.ndarray, heights: np.ndarray, touches: np.ndarray) -> 
         heights: Of its lowest point in [m], shape (n,).
         touches: Whether that touches the floor, shape (n,).
     """
-    end, rises = len(stood) - 1, np.diff(heights) > 0.0
+    # Not their differences: heights far from the floor are infinite.
+    end, rises = len(stood) - 1, heights[1:] > heights[:-1]
     for first, last in runs(stood):
         while 0 < first < last and not (touches[first] or rises[first]):
             stood[first] = False

@@ -56,9 +56,6 @@ class KeyframeMotion:
     """Those of the keyframes in [s], from 0; later than given where limits of velocity
     need it."""
 
-    message: str
-    """A sentence on a foot that could not stay; empty if all do."""
-
 
 def keyframe_motion(
     robot: Description,
@@ -89,14 +86,14 @@ def keyframe_motion(
     between = _Between(robot, inverse, feet, keyframes, way)
     counts = np.maximum(1, np.round(durations / PERIOD)).astype(int)
     for _ in range(MOST_CHANGES):
-        motion, message = between.motion(counts)
+        motion = between.motion(counts)
         excess = between.excess(motion, counts)
         if not (excess > 1.0).any():
             break
         more = np.ceil(counts * np.maximum(excess, 1.0)).astype(int)
         counts = np.where(excess > 1.0, np.maximum(more, counts + 1), counts)
     times = PERIOD * np.concatenate([[0], np.cumsum(counts)])
-    return KeyframeMotion(motion, tuple(times.tolist()), message)
+    return KeyframeMotion(motion, tuple(times.tolist()))
 
 
 class _Between:
@@ -124,30 +121,22 @@ class _Between:
         poses = Kinematics(robot).link_poses(roots, positions)
         self._feet = {foot: poses[:, links.index(foot)] for foot in feet}
 
-    def motion(self, counts: np.ndarray) -> tuple[Motion, str]:
-        """Interpolate with numbers of samples per segment; tell which feet slip."""
+    def motion(self, counts: np.ndarray) -> Motion:
+        """Interpolate with numbers of samples per segment."""
         ends = np.concatenate([[0], np.cumsum(counts)])
         values = _interpolated(self._values, ends, self._way)
-        worst, slipped = 0.0, ""
         for segment, (begin, end) in enumerate(zip(ends, ends[1:])):
             standing = self._standing(segment)
             for row in range(begin + 1, end) if standing else ():
                 share = (row - begin) / (end - begin)
-                error, foot = self._settle(values[row], standing, share)
-                if error > worst:
-                    worst = error
-                    slipped = (
-                        f"{foot} moves by {1e3 * error:.0f} mm between keyframes "
-                        f"{segment + 1} and {segment + 2}, where it cannot stay."
-                    )
+                self._settle(values[row], standing, share)
         n_joints = len(self._names)
-        motion = Motion(
+        return Motion(
             PERIOD * np.arange(len(values)),
             self._names,
             values[:, :n_joints],
             base_poses=values[:, n_joints:],
         )
-        return motion, slipped if worst > TOLERANCE[0] else ""
 
     def excess(self, motion: Motion, counts: np.ndarray) -> np.ndarray:
         """Compare the velocities of each segment with the limits; 1: at a limit."""
@@ -169,8 +158,8 @@ class _Between:
 
     def _settle(
         self, value: np.ndarray, standing: dict[str, np.ndarray], share: float
-    ) -> tuple[float, str]:
-        """Keep feet where they stand; return how far the worst is, and which."""
+    ) -> None:
+        """Keep feet where they stand."""
         targets = {
             foot: _normalized((1.0 - share) * ends[0] + share * ends[1])
             for foot, ends in standing.items()
@@ -182,7 +171,6 @@ class _Between:
         positions = np.clip(value[:n_joints], self._lower, self._upper)
         found = self._inverse.solve(targets, positions, value[n_joints:], options, 1)
         value[:n_joints], value[n_joints:] = found.positions, found.base
-        return max((e.position, foot) for foot, e in found.errors.items())
 
 
 def _interpolated(values: np.ndarray, ends: np.ndarray, way: str) -> np.ndarray:

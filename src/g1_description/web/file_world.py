@@ -160,15 +160,16 @@ class StillRobot:
 class ClockPlayer:
     """Plays the motions of all robots in sync, in real time."""
 
-    def __init__(self, world: FileWorld) -> None:
+    def __init__(self, world: FileWorld, at: float | None) -> None:
         self._world = world
         motions = world.motions.values()
         self.begin = min(float(m.times[0]) for m in motions)
         self.end = max(m.duration for m in motions)
-        self._from = self.begin
+        self._from = self.begin if at is None else at
         self._speed = 1.0
         self._began: float | None = None
-        self.show(self.begin)
+        if at is None:
+            self.show(self.begin)
 
     @property
     def time(self) -> float:
@@ -254,10 +255,12 @@ class FileWorld:
         """Read a motion from a file of any format."""
         return self._read(path, robot.description, rate)
 
-    def open(self, robot: StillRobot, motion: Motion) -> ClockPlayer:
+    def open(
+        self, robot: StillRobot, motion: Motion, at: float | None = None
+    ) -> ClockPlayer:
         """Set the motion of a robot."""
         self.motions[robot] = motion
-        self.player = ClockPlayer(self)
+        self.player = ClockPlayer(self, at)
         return self.player
 
     def move(

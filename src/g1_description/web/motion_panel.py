@@ -119,7 +119,7 @@ class MotionPanel:
         """Time of the next repetition on the monotonic clock, in [s]."""
         self._add()
         self._findings = {
-            robot: FindingList(gui, ui, self._jump, read_only) for robot in world.robots
+            robot: FindingList(gui, ui, self.jump, read_only) for robot in world.robots
         }
 
     def _add(self) -> None:
@@ -153,8 +153,8 @@ class MotionPanel:
         self._loop = gui.add_checkbox("Loop", self._read_only, visible=False)
         self._ui.on(self._robot, lambda: None)
         self._ui.on(self._line, self._moved)
-        self._ui.on(self._play, self._toggle)
-        self._ui.on(self._steps, self._step)
+        self._ui.on(self._play, self.toggle)
+        self._ui.on(self._steps, lambda: self.step(self._steps.value))
         self._ui.on(self._speed, self._change_speed)
 
     # --- opening ---
@@ -189,13 +189,26 @@ class MotionPanel:
         times = motion.times
         return f"{name}: {times[-1] - times[0]:.2f} s, {len(times)} samples."
 
-    def open(self, name: str, robot: ShownRobot, motion: Motion) -> None:
-        """Set the motion of a robot, and show its time line."""
+    def open(
+        self,
+        name: str,
+        robot: ShownRobot,
+        motion: Motion,
+        at: float | None = None,
+    ) -> None:
+        """Set the motion of a robot, and show its time line.
+
+        Args:
+            name: Its name.
+            robot: The robot.
+            motion: The motion.
+            at: Time at which the robot is already, in [s]; None: it may be elsewhere.
+        """
         self.motions[robot] = motion
-        player = self.player = self._world.open(robot, motion)
+        player = self.player = self._world.open(robot, motion, at)
         span = player.end - player.begin
         self._line.min, self._line.max = player.begin, player.begin + max(span, STEP)
-        self._guard.show(self._line, player.begin)
+        self._guard.show(self._line, round(player.time, 3))
         for element in (self._line, self._play, self._steps, self._speed, self._loop):
             element.visible = not self._read_only
         self._line.visible = True
@@ -255,7 +268,7 @@ class MotionPanel:
             raise InvalidValueError("No motion is open: open a file first.")
         return self.player
 
-    def _toggle(self) -> None:
+    def toggle(self) -> None:
         """Play, or pause."""
         player = self._player
         if self._play.label == "Pause":  # the label when it was pressed
@@ -272,19 +285,23 @@ class MotionPanel:
         """Show the selected time."""
         to = float(self._line.value)
         if math.isfinite(to):
-            self._jump(to)
+            self.jump(to)
 
-    def _step(self) -> None:
-        """Show the first, last, previous or next sample."""
-        player, requested = self._player, self._steps.value
+    def step(self, requested: str) -> None:
+        """Show the ``first``, ``last``, previous (``-1``) or next (``+1``) sample.
+
+        Raises:
+            InvalidValueError: If no motion is open.
+        """
+        player = self._player
         times = sorted({t for m in self.motions.values() for t in m.times.tolist()})
         near = min(range(len(times)), key=lambda n: abs(times[n] - player.time))
         row = {"first": 0, "-1": near - 1, "+1": near + 1}.get(
             requested, len(times) - 1
         )
-        self._jump(times[min(max(row, 0), len(times) - 1)])
+        self.jump(times[min(max(row, 0), len(times) - 1)])
 
-    def _jump(self, to: float) -> None:
+    def jump(self, to: float) -> None:
         """Show the configuration of a time."""
         player = self._player
         self._again = math.inf

@@ -72,7 +72,9 @@ class LiveWorld:
         """Read a motion from a file of any format."""
         return read_motion(path, robot.description, rate)
 
-    def open(self, robot: LiveRobot, motion: Motion) -> LivePlayer:
+    def open(
+        self, robot: LiveRobot, motion: Motion, at: float | None = None
+    ) -> LivePlayer:
         """Set the motion of a robot; it does not move yet."""
         self._players[robot] = LivePlayer(robot, motion)
         return self._players[robot]

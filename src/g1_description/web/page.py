@@ -17,6 +17,8 @@ from g1_description.robot.state import RobotState
 from g1_description.web.check_thread import CheckThread, MakeChecker
 from g1_description.web.controls import BasePanel, JointPanel, PosePanel
 from g1_description.web.findings_panel import plain
+from g1_description.web.keyframes_panel import KeyframesPanel
+from g1_description.web.keys import add_keys, keys_of
 from g1_description.web.library import Library
 from g1_description.web.library_panel import LibraryPanel
 from g1_description.web.motion_panel import MotionPanel
@@ -149,6 +151,7 @@ class Page:
             self._view = ViewPanel(gui, self.ui, self._stage, bodies, *known)
             if world.can_arrange:
                 self._add_arrangement()
+            add_keys(gui, self.ui, keys_of(self.motion, self._view, self._shown[0]))
         with tabs.add_tab("Plots"):
             robots = [shown.robot for shown in self._shown]
             self._plots = PlotPanel(gui, self.ui, robots)
@@ -181,6 +184,9 @@ class Page:
                 shown.body,
                 self._stage,
                 partial(self._collisions, robot),
+            )
+            shown.keyframes = KeyframesPanel(
+                server.gui, self.ui, robot, shown.reach.posing, lambda: self.motion
             )
         PosePanel(server.gui, self.ui, self._world, robot, shown.joints)
 

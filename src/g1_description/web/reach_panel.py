@@ -135,6 +135,11 @@ class ReachPanel:
         name = (robot.given_profile or robot.profile).standing_pose
         return name if name in fitting_poses(robot) else ZERO
 
+    def toggle(self) -> None:
+        """Show the gizmos, or hide them."""
+        self._on.value = not self._on.value
+        self._show_gizmos()
+
     def _show_gizmos(self) -> None:
         """Show the gizmos, or hide them."""
         self._pose.options = tuple(fitting_poses(self._robot.description))

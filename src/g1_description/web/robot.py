@@ -150,8 +150,17 @@ class ShownWorld(Protocol):
             G1DescriptionError: If it is not a motion of the robot.
         """
 
-    def open(self, robot: ShownRobot, motion: Motion) -> Player:
-        """Set the motion of a robot; it does not move yet."""
+    def open(
+        self, robot: ShownRobot, motion: Motion, at: float | None = None
+    ) -> Player:
+        """Set the motion of a robot; a simulated one does not move yet.
+
+        Args:
+            robot: The robot.
+            motion: The motion.
+            at: Time at which it begins while the robot stays, in [s]; None: the first
+                one, which a robot without a simulator shows.
+        """
 
     def move(
         self, robot: ShownRobot, positions: Mapping[str, float], seconds: float

@@ -11,6 +11,7 @@ from g1_description.checks.verdict import Verdict
 from g1_description.robot.rotation import angle_between
 from g1_description.robot.state import RobotState
 from g1_description.web.controls import BasePanel, JointPanel
+from g1_description.web.keyframes_panel import KeyframesPanel
 from g1_description.web.reach_panel import ReachPanel
 from g1_description.web.robot import ShownRobot
 from g1_description.web.scene.marks import SceneMarks
@@ -55,6 +56,7 @@ class Shown:
         """Its sliders, where it can be moved."""
         self.base: BasePanel | None = None
         self.reach: ReachPanel | None = None
+        self.keyframes: KeyframesPanel | None = None
         self._ghost: SceneRobot | None = None
         self._trails = Trails(self._scene, f"{MAP}/trails/{self._name}", description)
         self._canvas = SceneMarks(self._scene, f"{MAP}/checks/{self._name}")

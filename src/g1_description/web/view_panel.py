@@ -76,6 +76,10 @@ class ViewPanel:
         picture.on_click(self._save)
         gui.add_html(COPY.format(command=COPY_COMMAND if can_move else ""))
 
+    def toggle_follow(self) -> None:
+        """Follow the robot, or stop that."""
+        self.follow.value = not self.follow.value
+
     def _switch(
         self,
         label: str,

@@ -215,5 +215,10 @@
     if (find("Undecided")) press(PRESSED[key]);  // else there is no list
   });
 
+  // Keys of the page act at this element; further up, viser turns the camera with them.
+  document.documentElement.addEventListener("keydown", (event) => {
+    if (event.key === "ArrowLeft" || event.key === "ArrowRight") event.stopPropagation();
+  });
+
   window.g1 = { upload, copy, press, toast };
 })();

@@ -1,0 +1,319 @@
+"""Keyframes of one robot: configurations on a bar of times, and their motion."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from g1_description.errors import InvalidValueError
+from g1_description.ik.inverse_kinematics import InverseKinematics
+from g1_description.ik.keyframes import (
+    PASS,
+    PERIOD,
+    STOP,
+    Keyframe,
+    KeyframeMotion,
+    keyframe_motion,
+)
+from g1_description.ik.posing import Posing
+from g1_description.ik.solver import IkSolver
+from g1_description.motion.files.formats import write_motion
+from g1_description.motion.motion import Motion
+from g1_description.robot.poses import (
+    Pose,
+    check_name,
+    fitting_poses,
+    save_pose,
+    user_file,
+)
+from g1_description.web.controls import known
+from g1_description.web.findings_panel import plain
+from g1_description.web.motion_panel import MotionPanel
+from g1_description.web.robot import ShownRobot
+from g1_description.web.ui_loop import UiLoop
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from viser import GuiApi
+
+NONE = "none"
+"""Entry of the list while there are no keyframes."""
+
+MAX_SECONDS = 60.0
+"""Longest time between two keyframes, in [s]."""
+
+TAKE, REPLACE, DELETE, SHOW = "Take", "Replace", "Delete", "Show"
+
+MOTION, POSES = "Motion", "Poses"
+
+
+class KeyframesPanel:
+    """Takes keyframes of one robot, and makes motions of them."""
+
+    def __init__(
+        self,
+        gui: GuiApi,
+        ui: UiLoop,
+        robot: ShownRobot,
+        posing: Posing,
+        motion: Callable[[], MotionPanel],
+    ) -> None:
+        """Add the panel.
+
+        Args:
+            gui: Where to.
+            ui: Runs the actions.
+            robot: The robot.
+            posing: Knows where it is, and moves it.
+            motion: Returns what plays and checks the motion.
+        """
+        self._gui, self._ui, self._robot = gui, ui, robot
+        self._posing, self._motion = posing, motion
+        self.frames: list[Keyframe] = []
+        """In the order of their times, the first at 0."""
+        self._row = 0
+        """The selected one."""
+        self._made: Motion | None = None
+        self._n_changes = 0
+        self._feet = [posing.roles[foot] for foot in posing.feet]
+        self._inverse: InverseKinematics | None = None
+        self._add()
+
+    def _add(self) -> None:
+        """Add the elements."""
+        gui, ui = self._gui, self._ui
+        with gui.add_folder("Keyframes", expand_by_default=False):
+            self._change = gui.add_button_group(
+                "Keyframe",
+                [TAKE, REPLACE, DELETE, SHOW],
+                hint="the present configuration as the next one, or the selected one",
+            )
+            self._selected = gui.add_dropdown("Selected", [NONE])
+            self._seconds = gui.add_number(
+                "Seconds before",
+                1.0,
+                min=PERIOD,
+                max=MAX_SECONDS,
+                step=0.1,
+                hint="from the keyframe before to this one, and to the next one",
+            )
+            self._bar = gui.add_multi_slider(
+                "Times", 0.0, 1.0, PERIOD, (0.0, 1.0), visible=False
+            )
+            self._way = gui.add_dropdown(
+                "Way", [STOP, PASS], hint="from rest to rest, or smoothly on"
+            )
+            self._name = gui.add_text("Save as", "keyframes", hint="of what is saved")
+            self._save = gui.add_button_group(
+                "Save", [MOTION, POSES], hint=f"into {folder()}, or {user_file()}"
+            )
+            self._told = gui.add_markdown("", visible=False)
+        ui.on(self._change, lambda: self.change(self._change.value))
+        ui.on(self._selected, self._select)
+        ui.on(self._seconds, self._set_seconds)
+        ui.on(self._bar, self._set_times)
+        ui.on(self._way, self._make)
+        ui.on(self._save, lambda: self.save(self._save.value))
+
+    def change(self, what: str) -> None:
+        """Take, replace, delete or show a keyframe.
+
+        Raises:
+            InvalidValueError: If there is none, or the state of the robot is unknown.
+        """
+        frames, row = self.frames, self._row
+        if what == TAKE:
+            self._take()
+        elif not frames:
+            raise InvalidValueError("There is no keyframe: take one first.")
+        elif what == REPLACE:
+            frames[row] = Keyframe(frames[row].time, *self._posing.place())
+        elif what == SHOW:
+            self._show()
+            return
+        else:
+            del frames[row]
+            self._row = max(0, row - 1)
+        self._changed()
+
+    def _take(self) -> None:
+        """Take the robot as it is as the keyframe after the selected one."""
+        placed, seconds = self._posing.place(), self._valid_seconds()
+        if not self.frames:
+            self.frames = [Keyframe(0.0, *placed)]
+            return
+        self._row += 1
+        self._shift(self._row, seconds)
+        time = self.frames[self._row - 1].time + seconds
+        self.frames.insert(self._row, Keyframe(time, *placed))
+
+    def _shift(self, row: int, seconds: float) -> None:
+        """Move keyframes from one on to later times."""
+        for number in range(row, len(self.frames)):
+            frame = self.frames[number]
+            self.frames[number] = frame._replace(time=frame.time + seconds)
+
+    def _valid_seconds(self) -> float:
+        """Return the time from the keyframe before, in whole samples."""
+        seconds = float(self._seconds.value)
+        if not PERIOD <= seconds <= MAX_SECONDS:
+            raise InvalidValueError(
+                f"Seconds must be from {PERIOD:g} to {MAX_SECONDS:g} (got {seconds:g})."
+            )
+        return PERIOD * round(seconds / PERIOD)
+
+    def _show(self) -> None:
+        """Move the robot to the selected keyframe."""
+        frame = self.frames[self._row]
+        if self._made is not None and self._is_open:
+            self._motion().jump(frame.time)
+        else:
+            self._posing.go((frame.positions, frame.base))
+
+    @property
+    def _is_open(self) -> bool:
+        """Whether the motion through the keyframes is the robot's open one."""
+        return self._motion().motions.get(self._robot) is self._made
+
+    def _select(self) -> None:
+        """Select a keyframe, and show it."""
+        if not self.frames:
+            return
+        self._row = list(self._selected.options).index(self._selected.value)
+        self._show_selected()
+        self._show()
+
+    def _set_seconds(self) -> None:
+        """Change the time between the selected keyframe and the one before."""
+        seconds = self._valid_seconds()
+        if self._row > 0:
+            before = self.frames[self._row - 1].time
+            self._shift(self._row, before + seconds - self.frames[self._row].time)
+            self._changed()
+
+    def _set_times(self) -> None:
+        """Take the times of the bar."""
+        times = np.array(self._bar.value, dtype=float)
+        is_ok = times.shape == (len(self.frames),) and np.isfinite(times).all()
+        if not is_ok or not (np.diff(times) >= PERIOD / 2.0).all():
+            self._show_frames()
+            return
+        times = PERIOD * np.round((times - times[0]) / PERIOD)
+        moved = [row for row, t in enumerate(times) if t != self.frames[row].time]
+        self.frames = [f._replace(time=t) for f, t in zip(self.frames, times.tolist())]
+        self._row = moved[0] if moved else self._row
+        self._show_selected()
+        self._make()
+
+    def _changed(self) -> None:
+        """Show the keyframes, and make the motion again."""
+        if self.frames:
+            self._shift(0, -self.frames[0].time)
+        self._show_frames()
+        self._make()
+
+    def _show_frames(self) -> None:
+        """Show the keyframes as they are."""
+        times = [frame.time for frame in self.frames]
+        self._bar.visible = len(times) > 1
+        if len(times) > 1:
+            self._bar.max = math.ceil(times[-1] + max(2.0, 0.5 * times[-1]))
+            self._bar.value = tuple(times)
+        self._show_selected()
+
+    def _show_selected(self) -> None:
+        """Show which keyframe is selected."""
+        names = [f"{n} at {f.time:.2f} s" for n, f in enumerate(self.frames, 1)]
+        self._selected.options = tuple(names or [NONE])
+        self._selected.value = names[self._row] if names else NONE
+        if self._row > 0:
+            span = self.frames[self._row].time - self.frames[self._row - 1].time
+            self._seconds.value = round(span, 2)
+
+    # --- the motion ---
+
+    def _make(self) -> None:
+        """Make the motion through the keyframes, which takes a while."""
+        self._n_changes += 1
+        self._tell("")
+        if len(self.frames) > 1:
+            act = partial(self._through, self._n_changes, [*self.frames])
+            self._ui.wait_for(act, self._open)
+
+    def _through(self, number: int, frames: list[Keyframe]) -> KeyframeMotion | None:
+        """Make the motion, unless keyframes have changed since."""
+        if number != self._n_changes:
+            return None
+        robot, way = self._robot.description, str(self._way.value)
+        if self._inverse is None:
+            self._inverse = InverseKinematics(robot, IkSolver(robot))
+        made = keyframe_motion(robot, self._inverse, self._feet, frames, way)
+        return made if number == self._n_changes else None
+
+    def _open(self, made: KeyframeMotion | None) -> None:
+        """Open the motion: its time line and its checks."""
+        if made is None:
+            return
+        asked = [frame.time for frame in self.frames]
+        slow = [n for n, (a, b) in enumerate(zip(asked, made.times)) if b - a > 1e-6]
+        self.frames = [f._replace(time=t) for f, t in zip(self.frames, made.times)]
+        if slow:
+            self._show_frames()
+            self._tell(
+                f"Keyframe {slow[0] + 1} is later than set: the velocity limits of the "
+                "joints need more time."
+            )
+        self._made = made.motion
+        name = self._name.value.strip() or "keyframes"
+        at = self.frames[self._row].time
+        self._motion().open(name, self._robot, made.motion, at)
+
+    def _tell(self, text: str) -> None:
+        """Show a sentence, or none."""
+        self._told.content = plain(text)
+        self._told.visible = bool(text)
+
+    # --- saving ---
+
+    def save(self, what: str) -> None:
+        """Save the motion, or the keyframes as poses.
+
+        Raises:
+            G1DescriptionError: If there is nothing to save, or it cannot be written.
+        """
+        name = self._name.value.strip()
+        check_name(name)
+        if what == MOTION:
+            if self._made is None:
+                raise InvalidValueError("A motion needs at least two keyframes.")
+            file = folder() / f"{name}.csv"
+            if file.exists():
+                raise InvalidValueError(f"{file} already exists: choose another name.")
+            file.parent.mkdir(parents=True, exist_ok=True)
+            write_motion(file, self._made, self._robot.description)
+            self._ui.tell(f"Saved {file}.", "green")
+            return
+        if not self.frames:
+            raise InvalidValueError("There is no keyframe: take one first.")
+        names = [f"{name}_{number}" for number in range(1, len(self.frames) + 1)]
+        taken = [n for n in names if n in fitting_poses(self._robot.description)]
+        if taken:
+            raise InvalidValueError(
+                f"The pose {taken[0]} already exists: choose another name."
+            )
+        joints = [joint.name for joint in self._robot.description.movable_joints]
+        for one, frame in zip(names, self.frames):
+            positions = dict(zip(joints, frame.positions.tolist()))
+            pose = Pose(one, known(positions, self._robot), "keyframe of the browser")
+            save_pose(pose, user_file())
+        self._ui.tell(f"Saved {names[0]} to {names[-1]} in {user_file()}.", "green")
+
+
+def folder() -> Path:
+    """Return the folder of saved motions."""
+    return user_file().parent / "motions"
