@@ -32,6 +32,7 @@ from g1_description.errors import (
 )
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Joint
+from g1_description.robot import poses as robot_poses
 from g1_description.robot.poses import parse_poses
 from g1_description.robot.state import RobotState
 from g1_description.robot.transform import IDENTITY
@@ -387,9 +388,10 @@ def poses(server, monkeypatch, tmp_path):
     file = tmp_path / "poses.yaml"
     file.write_text("low:\n  to_b: 0.5\nother:\n  nose: 0.5\n")
     monkeypatch.setattr(controls, "user_file", lambda: file)
-    monkeypatch.setattr(
-        controls, "read_poses", lambda _: parse_poses(file.read_text(), str(file))
-    )
+    for module in (controls, robot_poses):
+        monkeypatch.setattr(
+            module, "read_poses", lambda _: parse_poses(file.read_text(), str(file))
+        )
     done = []
     ui = SimpleNamespace(
         on=lambda handle, action: None,
