@@ -299,6 +299,8 @@ class Robot:
                   stand on the floor, by a centimetre.
                 - ``collisions=True``: links that are checked for collisions keep 2 mm
                   apart.
+                - ``floor``: height in [m] below which no link gets, but for those that
+                  are held; by default there is no floor.
                 - ``base_motion``: how the base moves: ``free``, ``planar`` (along and
                   about the floor) or ``fixed``; by default free if a link is held or a
                   foot has a target, else fixed.

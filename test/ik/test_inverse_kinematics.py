@@ -9,6 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from g1_description import Robot
 from g1_description.errors import InvalidValueError, UnknownNameError
+from g1_description.motion.motion import Motion
+from g1_description.sim.standing import lowest_height
 
 FEET = ("left_ankle_roll_link", "right_ankle_roll_link")
 HANDS = ("left_rubber_hand", "right_rubber_hand")
@@ -252,6 +254,33 @@ def test_a_foot_with_a_target_is_not_held(g1):
     assert errors(g1, result, {"left_ankle_roll_link": foot})[0, 0] < 1e-3
 
 
+@pytest.mark.parametrize("floor", [0.0, -0.2])
+def test_no_link_gets_below_the_floor(g1, floor):
+    start, base = g1.pose("stand"), BASE.copy()
+    base[2] += floor
+    low = {"left_hand": [0.3, 0.35, floor + 0.01]}
+    through = g1.ik(low, start, base, balance=True)
+    above = g1.ik(low, start, base, balance=True, floor=floor)
+    assert through.reached
+    assert not above.reached
+    heights = []
+    for result in (through, above):
+        place = result.base.copy()
+        place[2] -= floor
+        motion = Motion(
+            np.zeros(1), g1.joint_names, result.positions[None], base_poses=place[None]
+        )
+        heights.append(lowest_height(g1.description, motion))
+    assert heights[0] < -0.02
+    assert heights[1] > -1.1e-3
+
+
+def test_a_hand_rests_on_the_floor_where_there_is_room(g1):
+    start = g1.pose("stand")
+    result = g1.ik({"left_hand": [0.3, 0.35, 0.12]}, start, BASE, floor=0.0)
+    assert result.reached
+
+
 @pytest.mark.parametrize("is_oriented", [True, False])
 def test_a_fingertip_is_brought_to_its_target(g1, is_oriented):
     start, tip = g1.pose("stand"), np.array([0.11, 0.02, -0.03])
@@ -359,6 +388,7 @@ def test_a_path_that_is_too_fast_lags_and_catches_up():
         ({"hold": ["foot"]}, "Unknown link 'foot'"),
         ({"hold": [], "balance": True}, "Balance needs links that stand on the floor"),
         ({"targets": [0.4, 0.2, 0.4]}, "targets must be a dictionary by link"),
+        ({"floor": "low"}, "floor must be the height of the floor in m"),
         ({"weights": 2.0}, "weights must be a dictionary by link"),
         ({"points": [0, 0, 0]}, "points must be a dictionary by link"),
         (

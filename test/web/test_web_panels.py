@@ -31,8 +31,8 @@ from g1_description.errors import (
     UnknownNameError,
 )
 from g1_description.motion.motion import Motion
-from g1_description.robot.description import Joint
 from g1_description.robot import poses as robot_poses
+from g1_description.robot.description import Joint
 from g1_description.robot.poses import parse_poses
 from g1_description.robot.state import RobotState
 from g1_description.robot.transform import IDENTITY

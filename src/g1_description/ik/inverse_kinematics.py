@@ -81,6 +81,10 @@ class IkOptions:
     collisions: bool = False
     """Whether links keep away from each other."""
 
+    floor: float | None = None
+    """Height in [m] below which no link gets, but for those that are held; None: there
+    is no floor."""
+
     base_motion: str | None = None
     """How the base moves, one of ``BASES``; None: freely if a link is held or a foot
     has a target, else not at all. A base that the robot's file fixes to the world never
@@ -318,6 +322,8 @@ class InverseKinematics:
             BASES[base_motion],
             self._support(stays, moved) if options.balance else None,
             BALANCE_MARGIN,
+            _height(options.floor),
+            [n for n in range(len(self.links)) if n not in held.values()],
             DISTANCE if options.collisions else None,
         )
         tasks = {**stays, **moved}
@@ -421,6 +427,8 @@ class InverseKinematics:
                 f"the centre of mass is {1e3 * view.imbalance:.0f} mm outside of what "
                 "supports the robot"
             )
+        if view.depth > TOLERANCE[0]:
+            far.append(f"a link is {1e3 * view.depth:.0f} mm below the floor")
         if view.overlap > TOLERANCE[0]:
             far.append(f"links are {1e3 * view.overlap:.0f} mm too near to each other")
         message = f"Not reached: {'; '.join(far)}." if far else ""
@@ -447,12 +455,24 @@ def _check_mapping(what: str, given: object) -> None:
         )
 
 
-def _weight(name: str, given: object) -> float:
+def _is_number(given: object) -> bool:
+    return isinstance(given, (int, float, np.number)) and not isinstance(given, bool)
+
+
+def _height(given: Any) -> float | None:
+    """Read the height of the floor."""
+    if given is None:
+        return None
+    if not _is_number(given) or not np.isfinite(given):
+        raise InvalidValueError(
+            f"floor must be the height of the floor in m, or None (got {given})."
+        )
+    return float(given)
+
+
+def _weight(name: str, given: Any) -> float:
     """Read the weight of a target."""
-    is_number = isinstance(given, (int, float, np.number)) and not isinstance(
-        given, bool
-    )
-    weight = float(given) if is_number else 0.0  # type: ignore[arg-type]
+    weight = float(given) if _is_number(given) else 0.0
     if not weight > 0.0:
         raise InvalidValueError(
             f"The weight of {name} must be a number greater than 0 (got {given})."

@@ -139,6 +139,7 @@ class Posing:
             hold=held,
             balance=bool(self.balance and held),
             collisions=self.avoid_collisions and self.is_prepared,
+            floor=0.0,
             base_motion="free",
             points={} if point is None else {name: point},
         )

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import NamedTuple
 
 import daqp
@@ -31,6 +32,7 @@ from g1_description.robot.rotation import (
     rotate,
     to_rotation_vector,
 )
+from g1_description.sim.standing import outlines
 
 TOLERANCE = np.array([1e-3, np.radians(0.5)])
 """Errors of a task that is reached, in [m] and [rad]."""
@@ -109,6 +111,12 @@ class Constraints:
     margin: float = 0.0
     """Least distance of the centre of mass from its edges, in [m]."""
 
+    floor: float | None = None
+    """Height of the floor, in [m]; None: there is none."""
+
+    above_floor: Sequence[int] = ()
+    """Rows of the links that must be above it."""
+
     distance: float | None = None
     """Least distance of links from each other, in [m]; None: any."""
 
@@ -130,14 +138,17 @@ class Linearization:
     and [rad], shape (n_tasks, 6); 0 where free."""
 
     rates: np.ndarray
-    """Of the centre of mass towards edges of its polygon and of links towards each
-    other, by the velocities, shape (n, 6 + n_joints)."""
+    """Of the centre of mass towards edges of its polygon, of links towards the floor
+    and towards each other, by the velocities, shape (n, 6 + n_joints)."""
 
     room: np.ndarray
     """By how much these may approach, in [m], negative beyond, shape (n,)."""
 
     n_edges: int
     """Number of edges of the polygon, which come first."""
+
+    n_low: int
+    """Number of links near the floor, which come next."""
 
     @property
     def errors(self) -> np.ndarray:
@@ -151,21 +162,29 @@ class Linearization:
         return float(max(0.0, -self.room[: self.n_edges].min(initial=0.0)))
 
     @property
+    def depth(self) -> float:
+        """By how much links are below the floor, in [m]."""
+        room = self.room[self.n_edges : self.n_edges + self.n_low]
+        return float(max(0.0, -room.min(initial=0.0)))
+
+    @property
     def overlap(self) -> float:
         """By how much links are too near to each other, in [m]."""
-        return float(max(0.0, -self.room[self.n_edges :].min(initial=0.0)))
+        room = self.room[self.n_edges + self.n_low :]
+        return float(max(0.0, -room.min(initial=0.0)))
 
     @property
     def cost(self) -> float:
         """Sum of squared errors, which steps reduce."""
         weights = np.array([task.weights for task in self.tasks]).reshape(-1, 6)
         squares = (weights * self.displacements) ** 2
-        return float(squares.sum()) + HARD**2 * (self.imbalance**2 + self.overlap**2)
+        excess = self.imbalance**2 + self.depth**2 + self.overlap**2
+        return float(squares.sum()) + HARD**2 * excess
 
     @property
     def badness(self) -> float:
         """Largest error as a multiple of the tolerance; 1 or less: all is reached."""
-        beyond = max(self.imbalance, self.overlap) / TOLERANCE[0]
+        beyond = max(self.imbalance, self.depth, self.overlap) / TOLERANCE[0]
         return max(float((self.errors / TOLERANCE).max(initial=0.0)), beyond)
 
 
@@ -183,6 +202,7 @@ class IkSolver:
         """
         self.kinematics = Kinematics(description)
         self.masses = Masses(description)
+        self._links = [link for link in description.links if link.name != WORLD]
         self._collisions = collisions
         if collisions is not None:
             names = [name for name in description.link_names if name != WORLD]
@@ -207,11 +227,23 @@ class IkSolver:
         if bounds.support is not None:
             parts.append(self._balance(bounds.support, bounds.margin, jacobians))
         n_edges = sum(len(room) for _, room in parts)
+        if bounds.floor is not None:
+            parts.append(self._heights(bounds.floor, bounds.above_floor, jacobians))
+        n_low = sum(len(room) for _, room in parts) - n_edges
         if bounds.distance is not None:
             parts.append(self._approaches(bounds.distance, jacobians))
         rates, room = (np.concatenate(part) for part in zip(*parts))
         return Linearization(
-            now, tasks, bounds, jacobians, points, displacements, rates, room, n_edges
+            now,
+            tasks,
+            bounds,
+            jacobians,
+            points,
+            displacements,
+            rates,
+            room,
+            n_edges,
+            n_low,
         )
 
     def _balance(
@@ -225,6 +257,30 @@ class IkSolver:
         center = self.masses.robot_center(jacobians.link_poses)[:2]
         rates = normals @ jacobians.of_center_of_mass(self.masses)[:2]
         return rates, ((corners - center) * normals).sum(axis=1) - margin
+
+    @cached_property
+    def _outlines(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Points around each link in its frame, and the radii around them."""
+        return [outlines(link) for link in self._links]
+
+    def _heights(
+        self, floor: float, links: Sequence[int], jacobians: Jacobians
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Compute rates and room of links towards the floor."""
+        rows, lowest, room = [], [], []
+        for row in links:
+            points, radii = self._outlines[row]
+            pose = jacobians.link_poses[row]
+            up = rotate(conjugate(pose[3:]), np.array([0.0, 0.0, 1.0]))
+            heights = pose[2] + points @ up - radii
+            point = int(np.argmin(heights))
+            if heights[point] < floor + INFLUENCE:
+                rows.append(row)
+                lowest.append(pose[:3] + rotate(pose[3:], points[point]))
+                room.append(heights[point] - floor)
+        places = np.array(lowest).reshape(-1, 3)
+        rates = -jacobians.of_points(np.array(rows, dtype=int), places)[:, 2]
+        return rates, np.array(room)
 
     def _approaches(
         self, distance: float, jacobians: Jacobians
