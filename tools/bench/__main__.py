@@ -12,6 +12,7 @@ import platform
 import signal
 import socket
 import struct
+import subprocess
 import sys
 import time
 import xml.etree.ElementTree as ET
@@ -716,6 +717,49 @@ def page(bench):
             bench.add("moving, 1 browser, frame rate", moves, "Hz")
             bench.add("moving, 1 browser", share(meter), "% of a core")
             bench.add("memory of web", node.memory("VmHWM"), "MB")
+            count = bench.length(300, 40)
+            bench.add_times("drag to picture", drag_times(client, link, count))
+            with burners(os.cpu_count()):
+                times = drag_times(client, link, count)
+                bench.add_times("drag to picture, all cores busy", times)
+
+
+def drag_times(client, link, count):
+    """Drag a hand on a circle; measure how long until its forearm moves, in [s]."""
+    client.set("Gizmos", True)
+    (name,) = (n for n in client.nodes if n.endswith("/left_hand"))
+    client.wait_for(lambda: client.nodes[name].get("visible"), "the gizmo")
+    client.wait_for(lambda: "position" in client.nodes[name], "its place")
+    place = np.array(client.nodes[name]["position"], dtype=float)
+    turn = tuple(map(float, client.nodes[name]["wxyz"]))
+    times = []
+    for number in range(count):
+        angle = 0.1 * (number + 1)
+        offset = 0.05 * np.array([np.sin(angle), 0.0, 1.0 - np.cos(angle)])
+        before, begin = client.counts[link], time.monotonic()
+        client.send(
+            "TransformControlsUpdateMessage",
+            name=name,
+            owner="",
+            wxyz=turn,
+            position=tuple((place + offset).tolist()),
+        )
+        client.wait_for(lambda old=before: client.counts[link] > old, "the forearm")
+        times.append(client.times[link] - begin)
+    return times
+
+
+@contextmanager
+def burners(count):
+    """Keep cores busy."""
+    command = [sys.executable, "-c", "while True: pass"]
+    running = [subprocess.Popen(command) for _ in range(count)]
+    try:
+        yield
+    finally:
+        for process in running:
+            process.kill()
+            process.wait()
 
 
 def is_open(port):
