@@ -173,7 +173,7 @@ def numbers(values):
 
 
 def color(rgba):
-    red, green, blue, alpha = (f"{round(255 * part):02x}" for part in rgba)
+    red, green, blue, alpha = (f"{round(255 * float(part)):02x}" for part in rgba)
     return f"#{red}{green}{blue}/{alpha}"
 
 
