@@ -55,12 +55,15 @@ def install(tmp_path_factory):
     """Install the package into a workspace in which it is a link to the clone.
 
     Messages are made for Python alone; tools/setup has made them for every language.
+    Only the distribution's own Python knows its layout, which catkin assumes on Debian.
     """
     workspace = tmp_path_factory.mktemp("workspace")
     (workspace / "src").mkdir()
     (workspace / "src" / "g1_description").symlink_to(REPOSITORY)
     plain = {**sourced(), "ROS_LANG_DISABLE": "gencpp:geneus:genlisp:gennodejs"}
     build = ["catkin_make", "-C", workspace, f"-DPYTHON_EXECUTABLE={sys.executable}"]
+    if sys.base_prefix != "/usr":
+        build.append("-DSETUPTOOLS_DEB_LAYOUT=OFF")
     run([*build, "-DCATKIN_ENABLE_TESTING=OFF", "install"], plain)
     return workspace / "install"
 
@@ -82,7 +85,7 @@ def test_programs_of_gazebo_ros_are_there(environment):
 
 def test_pythons_own_interpreter_finds_the_package(environment):
     script = "from g1_description import Robot; print(Robot().name)"
-    command = ["/usr/bin/python3", "-c", script]
+    command = [Path(sys.base_prefix) / "bin" / "python3", "-c", script]
     assert run(command, environment).strip() == "g1_29dof"
 
 
