@@ -2,132 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Mapping
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Tuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from g1_description.render.patches import Color, Patch, link_patches
 from g1_description.robot.assembly import WORLD
-from g1_description.robot.description import Description, Shape
-from g1_description.robot.rotation import rotate
-from g1_description.sim.meshes.shapes import Mesh, find_meshes, is_there
-from g1_description.sim.meshes.stl import cylinder, read_stl, sphere
+from g1_description.robot.description import Description
 from g1_description.web.scene.tree import LinkTree
 
 if TYPE_CHECKING:
     from viser import LabelHandle, MeshHandle, SceneApi
-
-
-GREY = (0.7, 0.7, 0.7, 1.0)
-"""Colour of a shape where its file gives none."""
-
-Color = Tuple[float, ...]
-"""Red, green, blue, opacity, from 0 to 1."""
-
-_BOX = np.array(
-    [
-        [[0, 0, 0], [0, 1, 1], [0, 0, 1]],
-        [[0, 0, 0], [0, 1, 0], [0, 1, 1]],
-        [[0, 0, 0], [1, 0, 1], [1, 0, 0]],
-        [[0, 0, 0], [0, 0, 1], [1, 0, 1]],
-        [[0, 0, 0], [1, 1, 0], [0, 1, 0]],
-        [[0, 0, 0], [1, 0, 0], [1, 1, 0]],
-    ]
-)
-_BOX = np.concatenate([_BOX[:, ::-1], 1 - _BOX]) - 0.5
-"""Triangles of a box with sides of 1 about the origin, anticlockwise from outside."""
-
-
-@dataclass(frozen=True, eq=False)
-class Patch:
-    """Triangles of one colour."""
-
-    vertices: np.ndarray
-    """In the frame of the link, in [m], shape (n, 3)."""
-
-    faces: np.ndarray
-    """Rows of ``vertices``, anticlockwise seen from outside, shape (m, 3)."""
-
-    color: Color
-
-
-def link_patches(
-    robot: Description, solid: bool = False
-) -> tuple[dict[str, list[Patch]], tuple[str, ...]]:
-    """Find the triangles of all links.
-
-    Args:
-        robot: The robot.
-        solid: Whether to use collision shapes instead of visual ones.
-
-    Returns:
-        One patch per colour by link name, and a message for each mesh that cannot be
-        used.
-    """
-    shapes = {
-        link.name: link.collisions if solid else link.visuals for link in robot.links
-    }
-    meshes, left_out = find_meshes(s for some in shapes.values() for s in some)
-    patches = {
-        link: _merged(
-            look
-            for shape in some
-            if is_there(shape, meshes)
-            for look in _looks(shape, meshes.get(shape.filename))
-        )
-        for link, some in shapes.items()
-    }
-    return {link: some for link, some in patches.items() if some}, left_out
-
-
-def _looks(shape: Shape, mesh: Mesh | None) -> list[tuple[np.ndarray, Color]]:
-    """List the triangles of a shape, shape (n, 3, 3) in the link's frame, by colour.
-
-    As in RViz, the colours of the mesh's own materials count more than that of the
-    shape.
-    """
-    color = shape.color or GREY
-    if mesh is None:
-        looks = [(_primitive(shape), color)]
-    elif mesh.parts:
-        looks = [(part.corners, part.color or color) for part in mesh.parts]
-    else:
-        looks = [(read_stl(mesh.path.read_bytes()), color)]
-    if mesh is not None:
-        scale = np.array(shape.size)
-        turn = 1 if np.prod(scale) > 0 else -1
-        looks = [((corners * scale)[:, ::turn], look) for corners, look in looks]
-    return [
-        (rotate(shape.pose[3:], corners) + shape.pose[:3], look)
-        for corners, look in looks
-    ]
-
-
-def _primitive(shape: Shape) -> np.ndarray:
-    """List the triangles of a box, sphere or cylinder, shape (n, 3, 3)."""
-    if shape.kind == "box":
-        return _BOX * np.array(shape.size)
-    surface = sphere(*shape.size) if shape.kind == "sphere" else cylinder(*shape.size)
-    return surface.vertices[surface.triangles]
-
-
-def _merged(looks: Iterable[tuple[np.ndarray, Color]]) -> list[Patch]:
-    """Put triangles of one colour together, with each corner once."""
-    by_color: dict[Color, list[np.ndarray]] = {}
-    for corners, color in looks:
-        by_color.setdefault(tuple(color), []).append(corners)
-    return [_patch(np.concatenate(some), color) for color, some in by_color.items()]
-
-
-def _patch(corners: np.ndarray, color: Color) -> Patch:
-    """Number the corners of triangles, shape (n, 3, 3)."""
-    import trimesh  # where it is missing, the server says so in a sentence
-
-    rows = np.ascontiguousarray(corners.reshape(-1, 3), dtype=np.float32)
-    first, number = trimesh.grouping.unique_rows(rows)
-    return Patch(rows[first], number.reshape(-1, 3).astype(np.uint32), color)
 
 
 RED = (0.85, 0.05, 0.05, 1.0)

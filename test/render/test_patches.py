@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from scipy.spatial.distance import cdist
 from scipy.spatial.transform import Rotation
 
+from g1_description.render.patches import GREY, link_patches
 from g1_description.robot.urdf import parse_urdf
 from g1_description.sim.meshes.stl import AROUND
-from g1_description.web.scene.robot import GREY, link_patches
 
 BOX = '<box size="0.2 0.3 0.5"/>'
 BALL = '<sphere radius="0.4"/>'
