@@ -64,7 +64,10 @@ setup(
     extras_require={extra: extras(names) for extra, names in EXTRAS.items()},
     packages=find_packages("src"),
     package_dir={"": "src"},
-    package_data={"g1_description.web.server": ["script.js"]},
+    package_data={
+        "g1_description.render": ["page.css", "page.js"],
+        "g1_description.web.server": ["script.js"],
+    },
     data_files=data_files(),
     options={"build": {"build_base": BUILD.name}},
 )

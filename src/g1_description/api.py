@@ -20,6 +20,7 @@ from g1_description.errors import (
     MotionError,
     UnknownNameError,
 )
+from g1_description.files.atomic import write_whole
 from g1_description.motion.files.conventions import JOINT_ORDERS
 from g1_description.motion.files.formats import read_motion, write_motion
 from g1_description.motion.mirror import mirrored
@@ -664,6 +665,31 @@ class Robot:
         """
         checker = self.checker(thresholds, fixed_base)
         return checker.check(self._fitted(motion), _names(only))
+
+    def write_page(
+        self,
+        path: str | PathLike[str],
+        motion: Motion,
+        verdict: Verdict | None = None,
+    ) -> None:
+        """Write a page in three dimensions: the robot, a motion and its findings.
+
+        It is one file that any browser opens from disk.
+
+        Args:
+            path: The file, .html; an existing one is replaced.
+            motion: The motion; a configuration is a motion of one sample.
+            verdict: What ``check`` returned for it; None: it was not checked.
+
+        Raises:
+            MotionError: If the robot has none of the motion's joints.
+            InvalidValueError: If the file cannot be written.
+        """
+        from g1_description.render.page import motion_page
+
+        file = Path(path).expanduser()
+        text = motion_page(self.description, motion, verdict, motion.name or file.stem)
+        write_whole(file, text.encode("utf-8", "backslashreplace"))
 
     def compare(
         self,

@@ -1,20 +1,18 @@
-"""Reports hold what verdicts do: JSON and CSV are read again, the page is parsed."""
+"""Reports hold what verdicts do: JSON and CSV are read again."""
 
 import csv
 import io
 import json
 import math
-from dataclasses import replace
-from html.parser import HTMLParser
 
 import pytest
+from findings import NAMES, OUTCOMES, finding
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from g1_description.checks.report import (
     FIGURES,
     NOT_READ,
-    RESULTS,
     FileResult,
     counted,
     csv_text,
@@ -23,69 +21,7 @@ from g1_description.checks.report import (
     summary_text,
     table,
 )
-from g1_description.checks.report_page import write_page
-from g1_description.checks.rules import RULES
-from g1_description.checks.verdict import Finding, Verdict, sorted_findings
-
-NAMES = [rule.name for rule in RULES]
-NUMBERS = st.floats(-1e307, 1e307)
-TIMES = st.floats(0.0, 1e4)
-# Without NUL, which csv of Python 3.8 does not read; messages quote it.
-WORDS = st.text(
-    st.characters(blacklist_categories=["Cs"], blacklist_characters="\0"),
-    min_size=1,
-    max_size=12,
-)
-INTERVALS = st.lists(st.tuples(TIMES, TIMES), max_size=3).map(tuple)
-
-
-def findings(checks):
-    return st.builds(
-        Finding,
-        check=st.sampled_from(checks),
-        severity=st.sampled_from(["failed", "warning"]),
-        subject=st.lists(WORDS, max_size=2).map(tuple),
-        worst=NUMBERS,
-        bound=st.just(-1e308),  # all sizes are above it: more is worse
-        unit=WORDS,
-        first_time=TIMES,
-        worst_time=TIMES,
-        share=st.floats(0.0, 1.0),
-        intervals=INTERVALS,
-        text=WORDS,
-        points=st.lists(st.tuples(NUMBERS, NUMBERS, NUMBERS), max_size=2).map(tuple),
-    )
-
-
-@st.composite
-def verdicts(draw):
-    """Draw a verdict of any checks."""
-    checked = draw(st.sets(st.sampled_from(NAMES), min_size=1))
-    skipped = {name: draw(WORDS) for name in NAMES if name not in checked}
-    found = draw(st.lists(findings(sorted(checked)), max_size=5))
-    return Verdict(
-        draw(WORDS),
-        sorted_findings(found),
-        tuple(sorted(checked)),
-        skipped,
-        draw(st.dictionaries(st.sampled_from(list(FIGURES)), NUMBERS)),
-        draw(st.dictionaries(WORDS, INTERVALS, max_size=2)),
-        draw(st.lists(WORDS, max_size=2).map(tuple)),
-    )
-
-
-OUTCOMES = st.builds(FileResult, WORDS, verdicts()) | st.builds(
-    FileResult, WORDS, st.none(), WORDS, st.sampled_from(RESULTS[3:])
-)
-
-
-def finding(**changes):
-    values = {
-        **{"check": "position", "severity": "failed", "subject": ("elbow",)},
-        **{"worst": 0.5, "bound": 0.1, "unit": "rad", "first_time": 1.25},
-        **{"worst_time": 2.0, "share": 0.5, "intervals": ((1.25, 2.0),), "text": "far"},
-    }
-    return Finding(**{**values, **changes})
+from g1_description.checks.verdict import Verdict
 
 
 @settings(max_examples=10)
@@ -157,125 +93,6 @@ def test_what_json_has_no_number_for_is_null():
     assert (
         json.loads(json_text([outcome], 0))["files"][0]["findings"][0]["worst"] is None
     )
-
-
-class Page(HTMLParser):
-    """Collects what a page refers to, and checks that its elements are closed."""
-
-    def __init__(self, text):
-        super().__init__()
-        self.links, self.ids, self.open, self.tags = [], [], [], []
-        self.text = ""
-        self.feed(text)
-        self.close()
-
-    def handle_starttag(self, tag, attrs):
-        self.tags.append(tag)
-        if tag not in {"meta", "img"}:
-            self.open.append(tag)
-        for name, value in attrs:
-            if name in {"src", "href", "srcset", "action", "data"}:
-                self.links.append(value)
-            if name == "id":
-                self.ids.append(value)
-
-    def handle_endtag(self, tag):
-        assert self.open.pop() == tag
-
-    def handle_data(self, data):
-        self.text += data
-
-
-@settings(max_examples=5)
-@given(st.lists(OUTCOMES, max_size=3))
-def test_the_page_needs_nothing_from_elsewhere(tmp_path_factory, outcomes):
-    folder = tmp_path_factory.mktemp("page")
-    picture = folder / "picture.png"
-    picture.write_bytes(b"\x89PNG")
-    pictures = [[picture] * (2 if o.verdict else 0) for o in outcomes]
-    write_page(folder / "page.html", outcomes, pictures, 0)
-    text = (folder / "page.html").read_text(encoding="utf-8")
-    page = Page(text)
-    assert page.open == []
-    assert not {"link", "iframe"} & set(page.tags)
-    assert "url(" not in text and "@import" not in text
-    inside = [link for link in page.links if link.startswith("#")]
-    data = [link for link in page.links if link not in inside]
-    assert [link[1:] for link in inside] == page.ids
-    assert len(inside) == len(outcomes)
-    figures = sum(bool(o.verdict and o.verdict.findings) for o in outcomes)
-    n_pictures = figures + sum(map(bool, pictures))
-    assert data == ["data:image/png;base64,iVBORw=="] * n_pictures
-
-
-BODY = """
-<h1>Checks of motions</h1>
-<p>2 files: 1 failed, 1 not read; interrupted, 3 not done.</p>
-<table class="files">
-<tr><th>file</th><th>result</th><th>failures</th><th>warnings</th><th>first at</th>\
-<th>length [s]</th><th>path [m]</th><th>base [m/s]</th><th>joints [rad/s]</th>\
-<th>contact</th><th>energy [J]</th><th>checks that failed; excluded by</th></tr>
-<tr><td><a href="#file0">&lt;b&gt;\\udcff</a></td>\
-<td><span class="result failed">failed</span></td><td>1</td><td>1</td>\
-<td>1.250 s</td><td>3</td><td></td><td></td><td></td><td>0.5</td><td></td>\
-<td>position; energy &gt; 9</td></tr>
-<tr><td><a href="#file1">&amp;.csv</a></td>\
-<td><span class="result not">not read</span></td><td></td><td></td><td></td>\
-<td></td><td></td><td></td><td></td><td></td><td></td><td>1 &lt; 2.</td></tr>
-</table>
-<h2 id="file0">&lt;b&gt;\\udcff <span class="result failed">failed</span></h2>
-<p class="about">&lt;r&gt;: length 3 s, time in contact with the floor 50 %, \
-least margin of the zero-moment point 0.1235 m</p>
-<table>
-<tr><th></th><th>check</th><th>finding</th><th>first at</th><th>% of time</th></tr>
-<tr><td><span class="result failed">failed</span></td><td>position</td>\
-<td>&lt;i&gt; is far</td><td>1.250 s</td><td>50.0</td></tr>
-<tr><td><span class="result warning">warning</span></td><td>fall</td>\
-<td>far</td><td>1.250 s</td><td></td></tr>
-</table>
-<p class="about">excluded by energy &gt; 9</p>
-<p class="about">1 &gt; 0</p>
-<p class="about">skipped: jerk (a &amp; b)</p>
-<h2 id="file1">&amp;.csv <span class="result not">not read</span></h2>
-<p>1 &lt; 2.</p>
-"""
-
-
-def test_the_page_says_what_was_found_and_names_are_text(tmp_path):
-    fall = finding(severity="warning", check="fall", subject=(), unit="")
-    verdict = Verdict(
-        "<r>",
-        (finding(text="<i> is far"), replace(fall, cause=1)),
-        ("position", "fall"),
-        {"jerk": "a & b"},
-        {"duration": 3.0, "contact_share": 0.5, "least_zmp_margin": 0.12346},
-        notes=("1 > 0",),
-        excluded_by=("energy > 9",),
-    )
-    failed = FileResult("<b>\udcff", verdict)  # a byte of its name is no text
-    not_read = FileResult("&.csv", None, "1 < 2.", NOT_READ)
-    write_page(tmp_path / "page.html", [failed, not_read], [[], []], 3)
-    text = (tmp_path / "page.html").read_text(encoding="utf-8")
-    assert text.split("<body>")[1].split("<script>")[0] == BODY
-    plain = Verdict("r")
-    write_page(tmp_path / "page.html", [FileResult("a.csv", plain)], [[]], 0)
-    text = (tmp_path / "page.html").read_text(encoding="utf-8")
-    assert Page(text.split("<script>")[0]).text.endswith(
-        "1 file: 1 passed.\n\nfileresultfailureswarningsfirst at"
-        "length [s]path [m]base [m/s]joints [rad/s]contactenergy [J]"
-        "checks that failed; excluded by\n"
-        "a.csvpassed00\n\na.csv passed\nr: \n"
-    )
-
-
-def test_the_page_counts_findings_as_the_table_does(tmp_path):
-    of_one_cause = tuple(finding(subject=(name,)) for name in ("elbow", "wrist"))
-    result = FileResult("a", Verdict("r", of_one_cause, ("position",)))
-    write_page(tmp_path / "page.html", [result], [[]], 0)
-    (row,) = csv.DictReader(io.StringIO(csv_text([result])))
-    cells = f"<td>{row['failed']}</td><td>{row['warnings']}</td>"
-    assert row["failed"] == "2"
-    assert cells in (tmp_path / "page.html").read_text()
 
 
 def test_the_table_says_what_was_found():

@@ -1,8 +1,6 @@
 """The command check: what it refuses, prints and writes, and what it ends with."""
 
-import base64
 import csv
-import io
 import json
 import os
 import re
@@ -12,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
 
 pytest.importorskip("rospy", reason="rospy is not installed")
 
@@ -26,7 +23,6 @@ from g1_description.cli.motion_paths import motion_files, picture_names
 from g1_description.command_line import parse
 from g1_description.errors import InvalidValueError
 from g1_description.motion.selection import Choice, Selection
-from g1_description.render.findings import SIZE
 
 PASSES, FAILS = 0.3, 1.5
 BOX = """<visual><geometry><box size="0.4 0.4 0.1"/></geometry>
@@ -220,7 +216,7 @@ def test_reports_are_written_and_stdout_is_theirs(folder, capsys):
     assert len((folder / "a.csv.csv").read_text().splitlines()) == 3
     pictures = sorted(path.name for path in (folder / "plots").iterdir())
     assert pictures == ["motion0.csv.png", "motion1.csv.png"]
-    assert (folder / "a.html").read_text().count("data:image/png;base64,iVBOR") == 2
+    assert (folder / "a.html").read_text().count('"application/json">{') == 2
 
 
 def test_quiet_prints_the_last_line_only(folder, capsys):
@@ -434,18 +430,20 @@ def test_an_interrupt_during_a_check_ends_watching(folder, monkeypatch):
     assert run.stdout.splitlines()[-1] == "1 file: 1 passed."
 
 
-def test_the_page_shows_the_robot_at_its_worst(folder):
+def test_the_page_has_the_robot_and_each_motion(folder):
+    """With several processes, too; a file that cannot be read has none."""
+    files = write_motions(folder, PASSES, FAILS)
+    (folder / "broken.csv").write_text("time,arm_joint\n0,x\n")
     shown = POST.replace("</link>", f"{BOX}</link>", 1)
     (folder / "post.urdf").write_text(shown)
-    (file,) = write_motions(folder, FAILS)
-    assert run(file, "--html", "page.html") == 1
-    figures = (folder / "page.html").read_text().split("<figure>")[1:]
-    assert figures
-    for figure in figures:
-        data = base64.b64decode(figure.split("base64,")[1].split('"')[0])
-        pixels = np.asarray(Image.open(io.BytesIO(data)).convert("RGB"), int)
-        assert pixels.shape[1::-1] == SIZE
-        assert (pixels[..., 0] - pixels[..., 1:].max(axis=-1) > 60).sum() > 500  # red
+    for jobs in (1, 2):
+        run(*files, "broken.csv", "--html", "page.html", "--jobs", jobs, "--quiet")
+        text = (folder / "page.html").read_text()
+        blocks = re.findall('<script type="application/json"( id="robot")?>(.*)<', text)
+        *motions, robot = [json.loads(content) for _, content in blocks]
+        assert len(robot["patches"]) == 1
+        assert [len(motion["causes"]) > 0 for motion in motions] == [False, True]
+        assert text.count('<section class="file"') == 3
 
 
 def test_the_terminal_shows_the_robot_at_its_worst(folder, capsys, monkeypatch):

@@ -17,9 +17,6 @@ from support.pictures import share_changed
 from waiting import DEADLINE, wait_for
 from web_clients import opened
 
-from g1_description.checks.report import FileResult
-from g1_description.checks.report_page import write_page
-from g1_description.checks.verdict import Verdict
 from g1_description.errors import MotionError
 
 from page_client import PageClient
@@ -246,27 +243,6 @@ def test_who_brought_the_token_once_is_let_in(chromium):
             page.raw.goto(place)
             page.wait_for(lambda: "Stand" in page.text(), "the page")
         page.close()
-
-
-@needs_browser
-def test_the_page_of_check_is_sorted(chromium, tmp_path):
-    path = tmp_path / "page.html"
-    lengths = {"b": 9.0, "a": 10.0, "d": None, "c": 2.5}
-    outcomes = [
-        FileResult(name, Verdict("r", figures={} if n is None else {"duration": n}))
-        for name, n in lengths.items()
-    ]
-    write_page(path, outcomes, [[]] * len(outcomes), 0)
-    page = chromium.open(path.as_uri(), WINDOW)
-
-    def sorted_by(head):
-        page.raw.locator("th", has_text=head).click()
-        return "".join(page.raw.locator("td:first-child").all_inner_texts())
-
-    orders = [sorted_by("length"), sorted_by("length"), sorted_by("file")]
-    assert orders == ["cbad", "abcd", "abcd"]
-    assert not page.problems
-    page.close()
 
 
 @needs_browser

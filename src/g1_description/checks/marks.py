@@ -118,6 +118,18 @@ def short_name(name: str) -> str:
     return name
 
 
+def subject_text(finding: Finding) -> str:
+    """Name the subject of a finding in short; "the robot" if it has none."""
+    return "/".join(map(short_name, finding.subject)) or "the robot"
+
+
+def size_text(finding: Finding) -> str:
+    """Format the worst size of a finding."""
+    if finding.unit == "m":
+        return f"{1e3 * finding.worst:.0f} mm"
+    return f"{finding.worst:.3g} {finding.unit}".rstrip()
+
+
 ABOVE = 0.004
 """Height above the floor of marks on it, in [m]."""
 
@@ -223,9 +235,5 @@ def _mark(canvas: Canvas, rule: Rule, finding: Finding) -> Label:
     color = RED if finding.severity == FAILED else ORANGE
     for point in points:
         canvas.ball(rule.namespace, point, 0.03, color)
-    subject = "/".join(short_name(name) for name in finding.subject) or "the robot"
-    size = f"{finding.worst:.3g} {finding.unit}"
-    if finding.unit == "m":
-        size = f"{1e3 * finding.worst:.0f} mm"
-    text = f"{rule.label.format(subject=subject)} {size}"
+    text = f"{rule.label.format(subject=subject_text(finding))} {size_text(finding)}"
     return Label(points.mean(axis=0), text, color)

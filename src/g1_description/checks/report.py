@@ -51,6 +51,9 @@ class FileResult:
     moments: tuple[bytes, ...] = ()
     """Pictures of the first causes of its findings, as PNG; empty if not requested."""
 
+    scene: str = ""
+    """The motion as the page of a report draws it; empty if not requested."""
+
     picture: str = ""
     """File of the picture, from the folder of the report; empty if there is none."""
 
@@ -63,7 +66,7 @@ class FileResult:
 
     def without_plot(self) -> FileResult:
         """Return a copy without the pictures."""
-        return replace(self, plot=b"", moments=())
+        return replace(self, plot=b"", moments=(), scene="")
 
 
 def counted(results: Iterable[str]) -> dict[str, int]:

@@ -14,6 +14,7 @@ import time
 from collections.abc import Collection, Iterator
 from contextlib import closing, suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TextIO
 
@@ -59,6 +60,7 @@ from g1_description.motion.files.formats import ENDINGS
 from g1_description.motion.paths import split
 from g1_description.motion.selection import Selection
 from g1_description.render.findings import FindingPictures
+from g1_description.render.page_data import motion_data
 from g1_description.render.terminal import beside
 from g1_description.robot.launch_arguments import ENGINES
 from g1_description.ros.lifecycle import own_arguments
@@ -176,7 +178,7 @@ class CheckOptions:
         metavar="OUT",
     )
     html: Path | None = option(
-        "write a page with causes, pictures and plots", None, Path, metavar="FILE"
+        "write a page with the robot, causes and plots", None, Path, metavar="FILE"
     )
     pictures: bool = option(
         "draw the robot at the worst time of the first eight causes in the terminal, "
@@ -335,7 +337,8 @@ def check(args: CheckOptions, checker: FileChecker | None = None) -> int:
                 notify(str(error))
                 code = MISUSE
             is_interrupted = isinstance(error, KeyboardInterrupt)
-    reports.write(results.outcomes, results.n_missing)
+    robot = checker.checker.description
+    reports.write(results.outcomes, results.n_missing, robot)
     for problem in reports.problems:
         notify(problem)
     _summarize(results, files, sys.stdout if is_free else sys.stderr)
@@ -422,23 +425,24 @@ def file_checker(args: CheckOptions) -> FileChecker:
         G1DescriptionError: If a given file is invalid.
     """
     robot = Robot(args.model, args.motors, args.collisions)
-    hulls, has_pictures = not args.no_visual_hulls, bool(args.html or args.pictures)
+    description = robot.description
     return FileChecker(
         robot.checker(
             args.thresholds,
             args.fixed_base,
             args.physics,
-            hulls,
+            not args.no_visual_hulls,
             args.engine or ENGINES[0],
         ),
         args.only,
-        bool(args.plot or args.html),
+        bool(args.plot),
         args.fps,
         args.topic,
         args.order,
         args.format,
         args.input_joint_order,
-        draw=FindingPictures(robot.description).draw if has_pictures else None,
+        draw=FindingPictures(description).draw if args.pictures else None,
+        scene=partial(motion_data, description) if args.html else None,
     )
 
 

@@ -7,7 +7,6 @@ import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from itertools import count, takewhile
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -19,11 +18,12 @@ from g1_description.checks.report import (
     csv_text,
     json_text,
 )
-from g1_description.checks.report_page import write_page
 from g1_description.cli.motion_paths import picture_names
 from g1_description.errors import InvalidValueError
 from g1_description.files.atomic import whole_file, write_whole
 from g1_description.motion.selection import EXCLUDE, UNDECIDED, Choice, Selection
+from g1_description.render.page import write_page
+from g1_description.robot.description import Description
 
 STDOUT = "-"
 
@@ -95,7 +95,7 @@ class Reports:
                 f"Refusing to overwrite --csv {args.csv}, which "
                 "is one of the motions to check."
             )
-        # The page embeds all pictures at the end; until then they are kept on disk.
+        # The page embeds all motions at the end; until then they are kept on disk.
         self._kept = TemporaryDirectory(prefix="check_") if args.html else None
 
     def add(self, task: Task, outcome: FileResult) -> None:
@@ -103,16 +103,18 @@ class Reports:
         if outcome.plot and task.number in self._pictures:
             with self._going_on():
                 write_whole(self._pictures[task.number], outcome.plot)
-        if self._kept:
-            for name, png in enumerate((outcome.plot, *outcome.moments)):
-                Path(self._kept.name, f"{task.number}_{name}").write_bytes(png)
+        if self._kept and outcome.scene:
+            self._motion(task.number).write_text(outcome.scene)
 
-    def write(self, outcomes: Mapping[int, FileResult], not_done: int) -> None:
+    def write(
+        self, outcomes: Mapping[int, FileResult], not_done: int, robot: Description
+    ) -> None:
         """Write the rest.
 
         Args:
             outcomes: By the number of the file.
             not_done: Number of files that are not done.
+            robot: The robot that the page draws.
         """
         found = [outcomes[number] for number in sorted(outcomes)]
         if self._args.json:
@@ -125,8 +127,8 @@ class Reports:
                 write_text(self._args.csv, csv_text(listed))
         if self._args.html:
             with self._going_on(), whole_file(self._args.html) as part:
-                pictures = [self._kept_pictures(number) for number in sorted(outcomes)]
-                write_page(part, found, pictures, not_done)
+                motions = [self._motion(number) for number in sorted(outcomes)]
+                write_page(part, robot, found, motions, not_done)
         if self._args.write_selection:
             with self._going_on():
                 self._select(self._args.write_selection, outcomes)
@@ -167,11 +169,10 @@ class Reports:
         except InvalidValueError as error:
             self.problems.append(str(error))
 
-    def _kept_pictures(self, number: int) -> list[Path]:
-        """Return the kept pictures of a file: its plot, and those of its findings."""
+    def _motion(self, number: int) -> Path:
+        """Return where the motion of a file is kept for the page."""
         assert self._kept is not None
-        paths = (Path(self._kept.name, f"{number}_{name}") for name in count())
-        return [*takewhile(Path.exists, paths)]
+        return Path(self._kept.name, str(number))
 
 
 def _reasons(outcome: FileResult) -> tuple[str, ...]:

@@ -19,9 +19,10 @@ from PIL import Image
 
 from g1_description.errors import InvalidValueError
 from g1_description.files.atomic import write_whole
+from g1_description.motion.motion import Motion
 from g1_description.robot.assembly import root_in_base
 from g1_description.robot.description import Description
-from g1_description.robot.transform import compose
+from g1_description.robot.transform import compose, inverse
 from g1_description.ros.robot_view import RobotView
 from g1_description.ros.waiting import NoAnswerError, wait_until
 
@@ -49,7 +50,7 @@ def check_place(path: Path, suffixes: Sequence[str]) -> None:
     if path.suffix.lower() not in suffixes:
         raise InvalidValueError(
             f"{path} must end in {' or '.join(suffixes)}: a picture in .png, an "
-            "animation in .gif or .mp4."
+            "animation in .gif or .mp4, a page in .html."
         )
     if not folder.is_dir():
         raise InvalidValueError(f"The folder {folder} for {path.name} does not exist.")
@@ -198,6 +199,16 @@ def placed(
 ) -> PlacedRobot:
     """Place a robot by the pose of its base, shape (7,)."""
     return None if base is None else compose(base, root_in_base(robot)), positions
+
+
+def configuration(robot: Description, placed: PlacedRobot) -> Motion:
+    """Make a motion of one sample of a placed robot."""
+    root, positions = placed
+    base = None
+    if root is not None:
+        base = compose(root, inverse(root_in_base(robot)))[np.newaxis]
+    values = np.array([[*positions.values()]], dtype=float)
+    return Motion(np.zeros(1), tuple(positions), values, base_poses=base)
 
 
 def record(

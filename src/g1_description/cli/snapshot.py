@@ -1,4 +1,4 @@
-"""The command snapshot: a picture or animation of a running robot or a motion.
+"""The command snapshot: a picture, animation or page of a running robot or a motion.
 
 Subscribes: robot_state (g1_description/RobotState); without a bridge joint_states
     (sensor_msgs/JointState), /tf, /tf_static
@@ -24,6 +24,7 @@ from g1_description.cli.film import (
     PlacedRobot,
     check_length,
     check_place,
+    configuration,
     count,
     drawn,
     film,
@@ -42,9 +43,11 @@ from g1_description.errors import (
     InvalidValueError,
     UnknownNameError,
 )
+from g1_description.files.atomic import write_whole
 from g1_description.motion.files.formats import read_motion
 from g1_description.motion.motion import Motion, sample
 from g1_description.render.camera import VIEWS, Camera, framing
+from g1_description.render.page import motion_page
 from g1_description.render.picture import draw
 from g1_description.render.scene import Scene
 from g1_description.robot.description import Description
@@ -65,6 +68,8 @@ JOINTS_TIMEOUT = 10.0
 
 BASE_TIMEOUT = 2.0
 """Longest wait for the base once the joints are known, in [s]."""
+
+PAGE = ".html"
 
 MAX_TIMES = 60
 """Largest number of pictures of a contact sheet."""
@@ -106,10 +111,13 @@ def times(text: str) -> list[float]:
 
 @dataclass
 class SnapshotOptions:
-    """Write a picture or an animation of the robot as it is now, or of a motion."""
+    """Write a picture, an animation or a page of the robot, or of a motion."""
 
     out: Path = argument(
-        "output file: a picture .png, or an animation .gif or .mp4", Path, metavar="OUT"
+        "output file: a picture .png, an animation .gif or .mp4, or a page in three "
+        "dimensions .html",
+        Path,
+        metavar="OUT",
     )
     view: str = option(
         "direction to look from: front, side (the robot's right), back or iso",
@@ -176,13 +184,14 @@ class SnapshotOptions:
                 written, or an animation would be too long.
         """
         self.is_film = self.gif or self.out.suffix.lower() in FILMS
+        self.is_page = self.out.suffix.lower() == PAGE
         self._check()
         if self.seconds is None and not self.motion:
             self.seconds = 5.0
         self.joints = self.joints or {}
         self.fps = 15.0 if self.fps is None else self.fps
         self.size = self.size or ((640, 480) if self.is_film else (1280, 960))
-        check_place(self.out, FILMS if self.is_film else (".png",))
+        check_place(self.out, FILMS if self.is_film else (".png", PAGE))
         if self.is_film:
             seconds = 1.0 if self.seconds is None else self.seconds
             check_length(seconds, self.fps, self.size)
@@ -210,6 +219,12 @@ class SnapshotOptions:
             ),
             "--times needs a picture, not an animation": (
                 self.times is not None and self.is_film
+            ),
+            "--size and --times need a picture or an animation, not a page": (
+                self.is_page and (self.size, self.times) != (None, None)
+            ),
+            "a page shows one robot: --namespace cannot be repeated": (
+                self.is_page and len(self.namespace or []) > 1
             ),
             "for .mp4, both numbers of --size must be even": (
                 self.out.suffix.lower() == ".mp4" and is_odd
@@ -366,30 +381,14 @@ SHEET = 6
 
 
 def drawn_motion(
-    args: SnapshotOptions, description: Description
-) -> tuple[list[list[PlacedRobot]], tuple[str, ...]]:
-    """Read a motion to draw.
-
-    Args:
-        args: The options.
-        description: The robot.
-
-    Returns:
-        The robot in each picture, and messages on the motion.
+    args: SnapshotOptions, description: Description, motion: Motion
+) -> list[list[PlacedRobot]]:
+    """Place the robot of a motion in each picture.
 
     Raises:
-        MotionError: If the file cannot be read, or its motion does not fit the robot.
         InvalidValueError: If a time is outside the motion, or the animation is too
             long.
     """
-    motion = read_motion(
-        args.motion,
-        description,
-        args.motion_fps,
-        args.motion_topic,
-        args.motion_order,
-        args.motion_format,
-    )
     begin = float(motion.times[0])
     found = sample(motion, _times(args, begin, motion))
     bases = found.base_poses
@@ -397,7 +396,7 @@ def drawn_motion(
     return [
         [placed(description, None if bases is None else bases[number], row)]
         for number, row in enumerate(rows)
-    ], motion.notes
+    ]
 
 
 def _times(args: SnapshotOptions, begin: float, motion: Motion) -> np.ndarray:
@@ -419,15 +418,54 @@ def _times(args: SnapshotOptions, begin: float, motion: Motion) -> np.ndarray:
 
 
 def draw_file(args: SnapshotOptions) -> None:
-    """Draw a URDF file: a motion, or its zero pose with the given joints."""
+    """Draw a URDF file: a motion, or its zero pose with the given joints.
+
+    Raises:
+        MotionError: If the file cannot be read, or its motion does not fit the robot.
+    """
     description = read_description(args.model or DEFAULT)
     check_joints(args.joints, description)
-    moments: list[list[PlacedRobot]] = [[(None, {})]]
+    zero = dict.fromkeys([joint.name for joint in description.movable_joints], 0.0)
+    moments: list[list[PlacedRobot]] = [[(None, zero)]]
     if args.motion:
-        moments, notes = drawn_motion(args, description)
-        for note in notes:
+        motion = read_motion(
+            args.motion,
+            description,
+            args.motion_fps,
+            args.motion_topic,
+            args.motion_order,
+            args.motion_format,
+        )
+        for note in motion.notes:
             notify(note)
+        if args.is_page:
+            write_page(description, with_joints(motion, args.joints), args)
+            return
+        moments = drawn_motion(args, description, motion)
     draw_all([description], moments, args)
+
+
+def with_joints(motion: Motion, positions: dict[str, float]) -> Motion:
+    """Hold joints of a motion at given positions."""
+    new = [name for name in positions if name not in motion.joint_names]
+    motion = motion.arranged([*motion.joint_names, *new])
+    columns = [motion.joint_names.index(name) for name in positions]
+    held, velocities = motion.positions.copy(), motion.velocities
+    held[:, columns] = [*positions.values()]
+    if velocities is not None:
+        velocities = velocities.copy()
+        velocities[:, columns] = 0.0
+    return replace(motion, positions=held, velocities=velocities)
+
+
+def write_page(robot: Description, motion: Motion, args: SnapshotOptions) -> None:
+    """Write a page of a robot in three dimensions."""
+    name = args.motion.name if args.motion else robot.name
+    text = motion_page(robot, motion, name=name)
+    # File names may contain bytes that are not text.
+    write_whole(args.out, text.encode("utf-8", "backslashreplace"))
+    n = len(motion.times)
+    print(f"{args.out}: {n} samples" if n > 1 else f"{args.out}: one configuration")
 
 
 def draw_now(args: SnapshotOptions) -> None:
@@ -455,6 +493,9 @@ def draw_all(
         [(root, {**positions, **args.joints}) for root, positions in moment]
         for moment in moments
     ]
+    if args.is_page:
+        write_page(robots[0], configuration(robots[0], moments[0][0]), args)
+        return
     with Scene() as scene:
         for robot in robots:
             load(scene, robot)

@@ -1,0 +1,279 @@
+"""The page in three dimensions in a real browser, opened from disk."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "rostest"))
+from scipy.spatial.transform import Rotation
+from support import browser
+
+from g1_description import Robot
+from g1_description.checks.report import FileResult
+from g1_description.checks.verdict import Verdict
+from g1_description.motion.motion import Motion, sample
+from g1_description.render.page import motion_page, write_page
+from g1_description.render.page_data import motion_data
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(bool(browser.missing()), reason=browser.missing()),
+]
+ROOT = Path(__file__).resolve().parents[2]
+WINDOW = (900, 700)
+STRANGE = "a' \"b\" <i>&amp; \u00e9\u4e2d </script><script>throw Error('ran')</script>"
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    with browser.Browser() as one:
+        yield one
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return Robot()
+
+
+@pytest.fixture(scope="module")
+def faulty(robot):
+    """Give a motion with findings, and its verdict."""
+    motion = robot.read_motion(ROOT / "motions" / "faulty.csv")
+    return motion, robot.check(motion)
+
+
+@pytest.fixture
+def opened(chromium, tmp_path):
+    """Give what opens a page; in the end it had no errors and made no request."""
+    pages, requests = [], []
+
+    def open_page(text, phone=False, name="page.html"):
+        file = tmp_path / name
+        file.write_bytes(text.encode("utf-8", "backslashreplace"))
+        page = chromium.open("about:blank", WINDOW, phone=phone)
+        pages.append(page)
+        page.raw.route("**/*", lambda route: route.continue_())
+        page.raw.on("request", lambda request: requests.append(request.url))
+        page.raw.goto(file.as_uri())
+        page.wait_for(lambda: page.raw.evaluate(DRAWN), "the robot")
+        return page
+
+    yield open_page
+    for page in pages:
+        assert page.problems == []
+        page.close()
+    assert len(requests) == len(pages)
+    assert all(url.startswith("file://") for url in requests)
+
+
+DRAWN = "Boolean(viewer.motion && viewer.scene.matrices)"
+NOW = "viewer.draw(1)"
+
+
+def shown_time(page):
+    return page.raw.evaluate("viewer.time")
+
+
+def matrices(page, links, time):
+    """Read the matrices with which links are drawn at a time, shape (n, 4, 4)."""
+    read = page.raw.evaluate(
+        "([links, time]) => { viewer.show(time); viewer.draw(1);"
+        " return links.map((link) => viewer.matrix(link)); }",
+        [links, time],
+    )
+    return np.array(read).reshape(-1, 4, 4).swapaxes(1, 2)
+
+
+def as_matrices(poses):
+    found = np.tile(np.eye(4), (len(poses), 1, 1))
+    found[:, :3, :3] = Rotation.from_quat(poses[:, 3:]).as_matrix()
+    found[:, :3, 3] = poses[:, :3]
+    return found
+
+
+def compare_poses(page, robot, motion, time):
+    """Compare what is drawn with our forward kinematics."""
+    now = sample(motion, np.array([time]))
+    positions = dict(zip(motion.joint_names, now.positions[0]))
+    base = None if now.base_poses is None else now.base_poses[0]
+    poses = robot.link_poses(positions, base)
+    drawn = matrices(page, [*poses], time)
+    wanted = as_matrices(np.array([*poses.values()]))
+    assert np.abs(drawn - wanted).max() < 1e-4
+
+
+def test_links_are_drawn_where_they_are(opened, robot, faulty):
+    motion, verdict = faulty
+    page = opened(motion_page(robot.description, motion, verdict))
+    for time in (0.0, 0.81, 1.7, 2.8, 5.0833, 8.0):
+        compare_poses(page, robot, motion, time)
+
+
+TREE = Robot(str(ROOT / "test" / "data" / "tree.urdf"))
+
+
+@settings(max_examples=4, deadline=None)
+@given(st.integers(0, 1000))
+def test_joints_of_all_kinds_move_and_turn_between_samples(
+    chromium, tmp_path_factory, seed
+):
+    random = np.random.default_rng(seed) if hasattr(np.random, "default_rng") else None
+    random = random or np.random.RandomState(seed)
+    shape = (4, len(TREE.joint_names))
+    bases = random.normal(size=(4, 7))
+    bases[:, 3:] /= np.linalg.norm(bases[:, 3:], axis=1, keepdims=True)
+    motion = Motion(
+        np.array([0.0, 0.3, 1.0, 1.5]),
+        TREE.joint_names,
+        *random.normal(size=(2, *shape)),
+        bases,
+    )
+    file = tmp_path_factory.mktemp("page") / "page.html"
+    file.write_text(motion_page(TREE.description, motion))
+    page = chromium.open(file.as_uri(), WINDOW)
+    page.wait_for(lambda: page.raw.evaluate(DRAWN), "the robot")
+    for time in random.uniform(0.0, 1.5, 5):
+        compare_poses(page, TREE, motion, float(time))
+    page.close()
+
+
+def test_findings_jump_to_their_worst_time_and_are_marked(opened, robot, faulty):
+    motion, verdict = faulty
+    page = opened(motion_page(robot.description, motion, verdict, "faulty.csv"))
+    buttons = page.raw.locator(".findings button")
+    assert buttons.count() == len(verdict.causes)
+    reds = 0
+    for number, cause in enumerate(verdict.causes):
+        buttons.nth(number).click()
+        times = [finding.worst_time for finding in cause]
+        assert min(abs(shown_time(page) - time) for time in times) < 1e-9
+        page.raw.evaluate(NOW)
+        assert "now" in buttons.nth(number).get_attribute("class")
+        assert page.raw.locator(".mark").count() >= 1
+        if cause[0].check == "self_collision":
+            reds += 1
+            (label,) = page.raw.locator(".mark").all_inner_texts()
+            assert label.endswith(" 29 mm")
+            assert red_pixels(page) > 500
+        if cause[0].check == "velocity":
+            assert page.raw.locator("#what").input_value().startswith("velocity:")
+    assert reds == 1
+    page.raw.evaluate("viewer.show(0); viewer.draw(1)")
+    assert page.raw.locator(".mark").count() == red_pixels(page) == 0
+
+
+def red_pixels(page):
+    """Count the red pixels of the scene."""
+    page.raw.evaluate(NOW)
+    pixels = page.picture()[:450, :500].astype(int)
+    return int((pixels[..., 0] - pixels[..., 1:].max(axis=-1) > 90).sum())
+
+
+def test_a_drag_in_the_plot_moves_the_time_and_it_plays(opened, robot, faulty):
+    page = opened(motion_page(robot.description, *faulty))
+    box = page.raw.locator("#chart canvas").bounding_box()
+    left, right = box["x"] + 58, box["x"] + box["width"] - 12
+    y, middle = box["y"] + 0.8 * box["height"], (left + right) / 2
+    page.drag((left, y), (middle, y))
+    assert shown_time(page) == pytest.approx(4.0, abs=0.05)
+    page.drag((middle, y), (right + 300, y))
+    assert shown_time(page) == 8.0
+    page.raw.locator("#speed").select_option("2")
+    page.press("▶")  # from the beginning, as it was at the end
+    page.wait_for(lambda: 0.5 < shown_time(page) < 8.0, "the motion")
+    page.raw.evaluate("document.activeElement.blur()")
+    page.raw.keyboard.press(" ")
+    page.wait_for(lambda: not page.raw.evaluate("viewer.playing"), "the pause")
+    page.raw.evaluate("viewer.show(1)")
+    page.raw.keyboard.press("ArrowRight")
+    assert shown_time(page) == pytest.approx(1.02)
+
+
+def test_the_plot_is_that_of_the_chosen_joint(opened, robot, faulty):
+    motion, verdict = faulty
+    page = opened(motion_page(robot.description, motion, verdict))
+    column = motion.joint_names.index("left_elbow_joint")
+    page.raw.locator("#what").select_option(f"position:{column}")
+    drawn = np.array(page.raw.evaluate("[...viewer.chart.values]"))
+    assert drawn == pytest.approx(motion.positions[:, column], abs=1e-6)
+    page.raw.locator("#what").select_option(f"velocity:{column}")
+    drawn = np.array(page.raw.evaluate("[...viewer.chart.values]"))
+    rates = np.diff(motion.positions[:, column]) / np.diff(motion.times)
+    assert drawn[:-1] == pytest.approx(rates, abs=1e-4)
+
+
+def test_strange_names_are_text(opened, robot, faulty):
+    motion, verdict = faulty
+    verdict = Verdict(STRANGE, verdict.findings, verdict.checked, notes=(STRANGE,))
+    name = "x # ?%20 'q' \u00e9.html"
+    page = opened(motion_page(robot.description, motion, verdict, STRANGE), name=name)
+    assert page.raw.title() == STRANGE
+    text = page.text()
+    assert text.count("<script>throw Error('ran')</script>") == 3
+
+
+def test_on_a_phone_findings_are_folded_and_the_robot_has_room(opened, robot, faulty):
+    page = opened(motion_page(robot.description, *faulty), phone=True)
+    width, height = browser.PHONE
+    box = page.raw.locator("#scene canvas").bounding_box()
+    assert box["width"] == width and box["height"] > height / 2
+    button = page.raw.locator(".findings button").first
+    assert not button.is_visible()
+    page.raw.locator("h2").tap()
+    button.tap()
+    assert shown_time(page) > 0.0
+    assert page.raw.locator("#scene canvas").bounding_box()["height"] > height / 4
+    assert page.raw.evaluate("document.documentElement.scrollWidth") == width
+
+
+def test_several_files_have_a_table_that_is_sorted(chromium, robot, faulty, tmp_path):
+    motion, verdict = faulty
+    data = tmp_path / "motion"
+    data.write_text(motion_data(robot.description, motion, verdict))
+    lengths = {"b": 9.0, "a": 10.0, "d": None, "c": 2.5}
+    outcomes = [
+        FileResult(name, Verdict("r", figures={} if n is None else {"duration": n}))
+        for name, n in lengths.items()
+    ]
+    outcomes[1] = FileResult("a", verdict)
+    motions = [data if outcome.file == "a" else tmp_path / "no" for outcome in outcomes]
+    path = tmp_path / "page.html"
+    write_page(path, robot.description, outcomes, motions, 0)
+    page = chromium.open(path.as_uri(), WINDOW)
+
+    def sorted_by(head):
+        page.raw.locator(".files th", has_text=head).click()
+        names = page.raw.locator(".files td:first-child").all_inner_texts()
+        return "".join(names)
+
+    assert not page.raw.locator("#viewer").is_visible()
+    orders = [sorted_by("length"), sorted_by("length"), sorted_by("file")]
+    assert orders == ["cabd", "bacd", "abcd"]
+    page.raw.locator("a", has_text="a").first.click()
+    page.wait_for(lambda: page.raw.evaluate(DRAWN), "the robot")
+    assert page.raw.locator(".findings button:visible").count() == len(verdict.causes)
+    page.raw.locator("a", has_text="All files").click()
+    assert page.raw.locator("#overview").is_visible()
+    page.raw.locator("a", has_text="c").first.click()
+    assert page.raw.locator("section:visible h2").inner_text() == "c passed"
+    assert not page.raw.locator("#viewer").is_visible()
+    assert page.problems == []
+    page.close()
+
+
+def test_without_webgl_the_texts_and_plots_are_there(chromium, robot, faulty, tmp_path):
+    file = tmp_path / "page.html"
+    file.write_text(motion_page(robot.description, *faulty))
+    script = "const make = HTMLCanvasElement.prototype.getContext;"
+    script += "HTMLCanvasElement.prototype.getContext = function (kind) {"
+    script += " return kind === 'webgl2' ? null : make.call(this, kind); };"
+    page = chromium.open(file.as_uri(), WINDOW, script=script)
+    page.wait_for(lambda: "no WebGL 2" in page.text(), "the sentence")
+    page.raw.locator(".findings button").nth(1).click()
+    assert shown_time(page) > 0.0
+    assert page.problems == []
+    page.close()
