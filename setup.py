@@ -65,7 +65,7 @@ setup(
     packages=find_packages("src"),
     package_dir={"": "src"},
     package_data={
-        "g1_description.render": ["page.css", "page.js"],
+        "g1_description.render": ["browser/*"],
         "g1_description.web.server": ["script.js"],
     },
     data_files=data_files(),

@@ -1,4 +1,4 @@
-"""Write a page on motions: a table of findings, their sentences and plots."""
+"""Write a page on motions: the robot, a time line, findings and plots, in one file."""
 
 import re
 import subprocess
@@ -17,6 +17,6 @@ with TemporaryDirectory() as folder:
     print(run.stdout.splitlines()[-1])
     text = page.read_text()
     print(re.search("<title>(.*)</title>", text)[1])
-    print("plots:", text.count("over time"), "pictures:", text.count("<figure>"))
+    print("motions:", text.count("<section"), "findings:", text.count("<button"))
 
-# In the browser, with the robot: rosrun g1_description web --motion faulty.csv
+# To edit it as well: rosrun g1_description web --motion faulty.csv

@@ -253,14 +253,16 @@ def test_several_files_have_a_table_that_is_sorted(chromium, robot, faulty, tmp_
     assert not page.raw.locator("#viewer").is_visible()
     orders = [sorted_by("length"), sorted_by("length"), sorted_by("file")]
     assert orders == ["cabd", "bacd", "abcd"]
-    page.raw.locator("a", has_text="a").first.click()
+    page.raw.locator("a[href='#file1']").click()
     page.wait_for(lambda: page.raw.evaluate(DRAWN), "the robot")
     assert page.raw.locator(".findings button:visible").count() == len(verdict.causes)
-    page.raw.locator("a", has_text="All files").click()
+    page.raw.locator(".back:visible").click()
     assert page.raw.locator("#overview").is_visible()
-    page.raw.locator("a", has_text="c").first.click()
+    page.raw.locator("a[href='#file3']").click()
     assert page.raw.locator("section:visible h2").inner_text() == "c passed"
     assert not page.raw.locator("#viewer").is_visible()
+    page.raw.locator(".back:visible").click()
+    assert page.raw.locator("#overview").is_visible()
     assert page.problems == []
     page.close()
 

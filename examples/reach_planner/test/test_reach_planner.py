@@ -4,13 +4,17 @@
 import queue
 import time
 import unittest
+from pathlib import Path
 
+import rospkg
 import rospy
 import rostest
 from g1_description.msg import RobotTrajectory
 from g1_description.srv import CheckTrajectory
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
+
+from g1_description import Robot
 
 DEADLINE = 20.0  # [s]
 
@@ -43,10 +47,19 @@ class TestReachPlanner(unittest.TestCase):
         self.assertTrue(response.success, response.status_message)
         return response
 
+    def assert_valid(self, plan):
+        """Check a plan that shall be valid; leave a page of one that is not."""
+        verdict = self.verdict(plan)
+        if not verdict.valid:
+            page = Path(rospkg.get_test_results_dir(), f"{self.id()}.html")
+            robot = Robot()
+            motion = robot.from_message(plan)
+            robot.write_page(page, motion, robot.check(motion))
+            self.fail(f"{[finding.text for finding in verdict.findings]}; see {page}")
+
     def test_1_a_plan_has_no_fault_and_the_robot_follows_it(self):
         plan = self.plan(left_shoulder_roll_joint=0.8, left_elbow_joint=0.5)
-        verdict = self.verdict(plan)
-        self.assertTrue(verdict.valid, [finding.text for finding in verdict.findings])
+        self.assert_valid(plan)
         self.wait_for("left_shoulder_roll_joint", 0.8)
 
     def test_2_a_goal_beyond_a_limit_is_found(self):

@@ -1,7 +1,7 @@
 """A page in three dimensions: a robot, its motions and their findings, in one file.
 
 It is opened from disk and requests nothing: its policy forbids that. The texts are
-there without JavaScript; ``page.js`` draws the robot, the time line and plots.
+there without JavaScript; scripts draw the robot, the time line and plots.
 """
 
 from __future__ import annotations
@@ -20,7 +20,9 @@ from g1_description.motion.motion import Motion, fitted
 from g1_description.render.page_data import motion_data, robot_data
 from g1_description.robot.description import Description
 
-STYLE, SCRIPT = (Path(__file__).with_name(name) for name in ("page.css", "page.js"))
+BROWSER = Path(__file__).with_name("browser")
+SCRIPTS = ("motion.js", "scene.js", "chart.js", "viewer.js")
+"""Folder of the style and the scripts, and those in the order in which they are run."""
 
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
 """What the browser lets the page load: nothing."""
@@ -98,7 +100,11 @@ def write_page(
         part
         for number, (outcome, motion) in enumerate(zip(outcomes, motions))
         for part in _section(
-            outcome, number, motion.read_text() if motion.is_file() else "", notes
+            outcome,
+            number,
+            motion.read_text() if motion.is_file() else "",
+            notes,
+            is_one=is_single,
         )
     )
     # File names may contain bytes that are not text.
@@ -115,14 +121,18 @@ def _page(
         f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f"<title>{escape(title)}</title>\n"
-        f"<style>\n{STYLE.read_text(encoding='utf-8')}</style>\n</head>\n<body>\n"
-        f"{overview}"
+        f"<style>\n{_read('style.css')}</style>\n</head>\n<body>\n{overview}"
     )
     yield from sections
     yield (
         f'<script type="application/json" id="robot">{robot or "null"}</script>\n'
-        f"<script>\n{SCRIPT.read_text(encoding='utf-8')}</script>\n</body>\n</html>\n"
+        f"<script>\n{''.join(map(_read, SCRIPTS))}</script>\n</body>\n</html>\n"
     )
+
+
+def _read(name: str) -> str:
+    """Read a file of the page."""
+    return (BROWSER / name).read_text(encoding="utf-8")
 
 
 def _overview(outcomes: Sequence[FileResult], not_done: int) -> Iterator[str]:
@@ -153,12 +163,16 @@ def _overview(outcomes: Sequence[FileResult], not_done: int) -> Iterator[str]:
     yield "</table>\n</div>\n"
 
 
+BACK = '<a class="back" href="#">◂ All files</a>\n'
+
+
 def _section(
     outcome: FileResult,
     number: int,
     motion: str,
-    notes: Sequence[str] = (),
+    notes: Sequence[str],
     table: str = "",
+    is_one: bool = True,
 ) -> Iterator[str]:
     """Write the section of a file: its texts, and its motion as JSON."""
     verdict = outcome.verdict
@@ -166,7 +180,7 @@ def _section(
     n_causes = len(verdict.causes) if verdict else 0
     more = f"{n_causes} finding{'s' if n_causes > 1 else ''}" if n_causes else ""
     yield (
-        f'<section class="file" id="file{number}">\n'
+        f'<section class="file" id="file{number}">\n{"" if is_one else BACK}'
         f'<h2 data-more="{more}">{escape(outcome.file)} {badge}</h2>\n<div>\n'
     )
     if outcome.problem:
