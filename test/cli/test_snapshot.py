@@ -1,5 +1,8 @@
 """What snapshot refuses, and what it writes without a master."""
 
+import base64
+import json
+import re
 import sys
 from pathlib import Path
 
@@ -21,6 +24,8 @@ from g1_description.cli.film import (  # noqa: E402
     write_video,
 )
 from g1_description.errors import InvalidValueError  # noqa: E402
+from g1_description.motion.files.formats import read_motion  # noqa: E402
+from g1_description.robot.load import read_description  # noqa: E402
 from g1_description.ros.waiting import NoAnswerError  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -113,6 +118,16 @@ def test_a_sheet_has_as_little_empty_room_as_fits(n, ratio, columns):
         ),
         (["a.mp4", "--motion", MOTION, "--size", "65x48"], "--size must be even"),
         (
+            ["a.html", "--motion", MOTION, "--times", "0"],
+            "--size and --times need a pi",
+        ),
+        (["a.html", "--size", "64x48"], "--size and --times need a picture or an anim"),
+        (["a.html", "--seconds", "3"], "--seconds and --fps need an animation"),
+        (
+            ["a.html", "--namespace", "a", "--namespace", "b"],
+            "a page shows one robot: --namespace cannot be repeated",
+        ),
+        (
             ["a.gif", "--motion", MOTION, "--namespace", "a"],
             "--namespace cannot be combined",
         ),
@@ -150,6 +165,28 @@ def test_a_file_is_drawn_without_a_master_and_without_a_screen(
     assert pictures[0].shape == (120, 160, 3)
     assert (pictures[0] != pictures[1]).any(axis=2).sum() > 500
     assert [path.name for path in tmp_path.iterdir()] == ["robot.png"]
+
+
+def test_a_page_shows_a_configuration_or_a_motion(tmp_path, snapshot, arm, capsys):
+    page = tmp_path / "a.html"
+
+    def content():
+        (text,) = re.findall('application/json">(.*)</script>', page.read_text())
+        found = json.loads(text)
+        data = base64.b64decode(found["positions"])
+        return found, np.frombuffer(data, "<f4").tolist()
+
+    snapshot(page, "--model", arm)
+    assert content()[1] == [0.0]
+    snapshot(page, "--model", arm, "--joints", f"{ELBOW}=0.5")
+    assert content()[1] == [0.5]
+    assert capsys.readouterr().out.endswith("a.html: one configuration\n")
+    snapshot(page, "--model", arm, "--motion", MOTION)
+    motion = read_motion(MOTION, read_description(str(arm)))
+    assert content()[1] == pytest.approx(motion.positions[:, 0].tolist())
+    assert capsys.readouterr().out == f"{page}: {len(motion.times)} samples\n"
+    snapshot(page, "--model", arm, "--motion", MOTION, "--joints", f"{ELBOW}=0.5")
+    assert content()[1] == [0.5] * len(motion.times)
 
 
 def test_moments_of_a_motion_of_the_g1_stand_side_by_side(tmp_path, snapshot, capsys):

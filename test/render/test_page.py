@@ -13,9 +13,10 @@ from findings import OUTCOMES, finding
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from g1_description import Robot
 from g1_description.checks.report import NOT_READ, FileResult, csv_text
 from g1_description.checks.verdict import Verdict
-from g1_description.errors import MotionError
+from g1_description.errors import InvalidValueError, MotionError
 from g1_description.motion.motion import Motion
 from g1_description.render import page_data
 from g1_description.render.page import motion_page, write_page
@@ -224,3 +225,15 @@ def test_a_cause_has_its_plot_and_its_marks():
     (mark,) = hit["findings"]
     assert mark["red"] == mark["links"] == ["post", "fore"]
     assert (mark["label"], mark["points"][1]) == ("post/fore 20 mm", [2.0, 0.0, 0.0])
+
+
+def test_a_page_of_the_g1_can_be_sent(tmp_path):
+    robot = Robot()
+    times = np.arange(501) / 50.0
+    rows = np.tile(robot.pose("stand"), (501, 1))
+    base = np.tile([0, 0, 0.8, 0, 0, 0, 1.0], (501, 1))
+    moved = robot.trajectory(times, rows, base=base)
+    robot.write_page(tmp_path / "page.html", moved)
+    assert 1e5 < (tmp_path / "page.html").stat().st_size < 1e6
+    with pytest.raises(InvalidValueError, match="cannot be written"):
+        robot.write_page(tmp_path, moved)

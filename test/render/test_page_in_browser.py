@@ -279,3 +279,16 @@ def test_without_webgl_the_texts_and_plots_are_there(chromium, robot, faulty, tm
     assert shown_time(page) > 0.0
     assert page.problems == []
     page.close()
+
+
+def test_the_robot_is_drawn_again_after_the_browser_lost_it(opened, robot, faulty):
+    page = opened(motion_page(robot.description, *faulty))
+    page.raw.evaluate(
+        "window.ending = viewer.scene.gl.getExtension('WEBGL_lose_context');"
+        "window.before = viewer.scene; ending.loseContext()"
+    )
+    page.wait_for(lambda: page.raw.evaluate("before.gl.isContextLost()"), "the loss")
+    page.raw.evaluate("ending.restoreContext()")
+    page.wait_for(lambda: page.raw.evaluate("viewer.scene !== before"), "a new scene")
+    page.raw.locator(".findings button").nth(1).click()
+    assert red_pixels(page) > 500

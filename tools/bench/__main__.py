@@ -43,6 +43,7 @@ from .graph import (
     free_port,
     wait_for,
 )
+from .html import html
 from .ik import ik
 from .peer import Peer
 from .physics import physics
@@ -781,6 +782,7 @@ PARTS = {
         checks,
         folder,
         page,
+        html,
     )
 }
 

@@ -114,7 +114,10 @@ const LENS = Math.tan(0.25);
 const rendererOf = (canvas) => {
   const gl = canvas.getContext("webgl2");
   const names = gl && gl.getExtension("WEBGL_debug_renderer_info");
-  return names ? gl.getParameter(names.UNMASKED_RENDERER_WEBGL) : "";
+  const name = names ? gl.getParameter(names.UNMASKED_RENDERER_WEBGL) : "";
+  const end = gl && gl.getExtension("WEBGL_lose_context");
+  if (end) end.loseContext();
+  return name;
 };
 
 class Scene {

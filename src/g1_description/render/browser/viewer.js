@@ -32,6 +32,12 @@ class Viewer {
     } catch (error) {
       make("p", this.box, { className: "why", textContent: error.message });
     }
+    // A browser may take its memory away, such as from a page in the background.
+    canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
+    canvas.addEventListener("webglcontextrestored", () => {
+      this.scene = new Scene(canvas, robot);
+      this.ask();
+    });
     for (const [name, [yaw, pitch]] of Object.entries(VIEWS)) {
       make("button", views, { textContent: name, onclick: () => { this.frame(yaw, pitch); this.ask(); } });
     }
