@@ -4,7 +4,7 @@ Calls: step_model (g1_description/StepModel), set_model_trajectory
     (g1_description/SetModelTrajectory), get_physics_properties
     (gazebo_msgs/GetPhysicsProperties), pause_physics, unpause_physics and
     reset_simulation (std_srvs/Empty), set_anchor (g1_description/SetAnchor) of the
-    simulator
+    simulator; get_history (g1_description/GetHistory) of the bridge
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from g1_description.ros.conversions import (
     pose_to_array,
     twist_to_array,
 )
+from g1_description.ros.history import fetch_history
 from g1_description.ros.waiting import (
     MASTER_PERIOD,
     NoAnswerError,
@@ -297,6 +298,25 @@ class Client:
             np.array([state.velocities for state in states]),
             np.array([state.base for state in states]),
         )
+
+    def history(self, seconds: float, namespace: str = "") -> Motion:
+        """Return the robot's last states, which its bridge keeps.
+
+        Args:
+            seconds: Their simulated time, in [s]; the bridge may have less.
+            namespace: Namespace of the robot's topics.
+
+        Returns:
+            The states as a motion that starts at time 0.
+
+        Raises:
+            InvalidValueError: If ``seconds`` is not positive and finite.
+            NoAnswerError: If there is no bridge.
+            RefusedError: If it keeps no history, or has no state.
+        """
+        if not 0.0 < seconds < math.inf:
+            raise InvalidValueError(f"seconds must be greater than 0 (got {seconds}).")
+        return fetch_history(seconds, namespace)[0].motion()
 
     def anchor(self, link: str = "") -> str:
         """Keep a link at its place while joints move; the base follows.

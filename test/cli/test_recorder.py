@@ -8,8 +8,8 @@ import pytest
 pytest.importorskip("rospy", reason="rospy is not installed")
 pytest.importorskip("g1_description.msg", reason="the workspace is not sourced")
 
+from g1_description.bridge.recorded_file import Room, room_of
 from g1_description.cli import record
-from g1_description.cli.recorded_file import Room, room_of
 from g1_description.cli.recorder import (
     Recorder,
     SeveralModelsError,

@@ -26,8 +26,8 @@ from trajectory_msgs.msg import (
     MultiDOFJointTrajectoryPoint,
 )
 
-from g1_description.cli import recorded_file as write
-from g1_description.cli.recorded_file import room_of, write_motion_file
+from g1_description.bridge import recorded_file as write
+from g1_description.bridge.recorded_file import room_of, write_motion_file
 from g1_description.errors import MotionError
 from g1_description.motion.files import bag as bag_files
 from g1_description.motion.files.formats import read_motion

@@ -31,7 +31,7 @@ from support.ros_testing import (
     wait_for,
 )
 
-from g1_description.cli.recorded_file import Room
+from g1_description.bridge.recorded_file import Room
 from g1_description.cli.recorder import Recorder, SimulatorStates
 from g1_description.motion.files.formats import read_motion
 from g1_description.motion.motion import Motion

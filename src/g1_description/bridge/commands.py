@@ -182,15 +182,19 @@ class JointCommands:
         )
 
     def subscribe(
-        self, topic: str, note: Callable[[Mapping[str, float]], None]
+        self,
+        topic: str,
+        note: Callable[[Mapping[str, float]], None],
+        record: Callable[[JointState, str], None],
     ) -> None:
         """Take commands from a topic.
 
         Args:
             topic: Its name.
             note: Called with the valid positions by joint name before they are sent.
+            record: Called with each message, and why it is ignored or empty.
         """
-        self._note = note
+        self._note, self._record = note, record
         # Messages may name different joints, so none of them may be lost.
         rospy.Subscriber(
             topic, JointState, self._on_command, queue_size=None, tcp_nodelay=True
@@ -203,6 +207,7 @@ class JointCommands:
             accepted, ignored, clamped = self._tally.take(
                 message.name, message.position, now
             )
+        self._record(message, ignored)
         if ignored:
             what = "Part of a joint command" if accepted else "A joint command"
             text = f"{what} to {self._model} is ignored: {ignored}."

@@ -9,6 +9,7 @@ import rospy
 from geometry_msgs.msg import PoseStamped
 from trajectory_msgs.msg import JointTrajectory
 
+from g1_description.bridge.history import motion_text
 from g1_description.bridge.parameters import RobotParameters, topic_of
 from g1_description.bridge.player import MotionPlayer, Played
 from g1_description.bridge.status import RobotStatus
@@ -100,7 +101,8 @@ class MotionTopics:
         try:
             played = self._move(request.motion)
         except G1DescriptionError as error:
-            return PlayMotionResponse(False, str(error), rospy.Time())
+            played = Played(False, str(error))
+        self._record("play_motion", request, request.motion, played)
         return PlayMotionResponse(
             played.success, played.message, stamp_from_ns(played.start_ns)
         )
@@ -114,11 +116,26 @@ class MotionTopics:
             played = Played(False, str(error))
         if not played.success:
             self._status.count(f"{topic} refused")
+        self._record(topic, message, message, played)
         if played.message:
             key = f"{topic} {self._status.name}"
             outcome = "" if played.success else "refused: "
             text = f"{topic} of {self._status.name}: {outcome}{played.message}"
             self._log.warn(key, text, SHORT_PERIOD)
+
+    def _record(self, topic: str, message, motion, played: Played) -> None:
+        """Keep a message for the history; ``motion`` is its content."""
+        if isinstance(motion, PoseStamped):
+            content = "base"
+        elif isinstance(motion, JointTrajectory):
+            content = motion_text(motion)
+        else:
+            content = motion_text(
+                motion.joint_trajectory, motion.multi_dof_joint_trajectory
+            )
+        if not played.success:
+            content = f"{content}; refused: {played.message}"
+        self._status.record(message, topic, content)
 
     def _on_joint_trajectory(self, message: JointTrajectory) -> Played:
         """Play a motion of joints, or stop them."""

@@ -21,6 +21,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 
 import rospy
 from geometry_msgs.msg import TransformStamped
@@ -30,6 +31,11 @@ from g1_description.bridge.action import ACTION, FollowJointTrajectory
 from g1_description.bridge.controllers import Controller
 from g1_description.bridge.estimator import JointStateEstimator
 from g1_description.bridge.health import BridgeHealth
+from g1_description.bridge.history import (
+    Efforts,
+    HistoryServices,
+    record_joint_command,
+)
 from g1_description.bridge.motion_topics import MotionTopics
 from g1_description.bridge.parameters import (
     BridgeParameters,
@@ -43,6 +49,7 @@ from g1_description.bridge.robot import BridgedRobot
 from g1_description.bridge.state_source import RisingStamps, StateSource
 from g1_description.bridge.status import RobotStatus
 from g1_description.errors import G1DescriptionError
+from g1_description.motion.history import History
 from g1_description.robot.description import Description
 from g1_description.robot.launch_arguments import check_trails
 from g1_description.ros.lifecycle import quiet_when_closing, start_node
@@ -88,7 +95,10 @@ class BridgeNode:
         p = parameters
         self._log = ThrottledLog()
         statuses = [
-            RobotStatus(robot.name, description) for robot, description in robots
+            RobotStatus(
+                robot.name, description, History(p.history) if p.history else None
+            )
+            for robot, description in robots
         ]
         self._robots = [
             BridgedRobot(robot, p, status, self._log)
@@ -107,8 +117,11 @@ class BridgeNode:
         for (robot, _), bridged in zip(robots, self._robots):
             status, player = bridged.status, bridged.player
             topic = topic_of(robot, "joint_commands")
-            bridged.commands.subscribe(topic, player.command)
+            bridged.commands.subscribe(
+                topic, player.command, partial(record_joint_command, status)
+            )
             MotionTopics(robot, status, player, frame, self._log)
+            HistoryServices(robot, status)
         self._actions = [
             FollowJointTrajectory(
                 topic_of(robot, posixpath.join(controller.name, ACTION)),
@@ -120,17 +133,19 @@ class BridgeNode:
             for (robot, _), bridged, own in zip(robots, self._robots, controllers)
             for controller in own
         ]
+        self._efforts = Efforts(p.gazebo, statuses)
         self._source = StateSource(p.gazebo, p.max_rate, self._on_states, self._log)
         self._source.start()
         self._stopped = threading.Event()
         rospy.on_shutdown(self._stopped.set)
         threading.Thread(target=self._keep_house, daemon=True).start()
         # In a thread of its own: the master may take long to answer, or be gone.
-        stay_registered(self._find_other_publishers, MASTER_PERIOD)
+        stay_registered(self._look_at_publishers, MASTER_PERIOD)
         BridgeHealth(p.gazebo, self._source, statuses, self._log).start()
 
-    def _find_other_publishers(self, publishers: Mapping[str, list[str]]) -> None:
-        """Find other nodes that publish the robots' joint states; log new ones."""
+    def _look_at_publishers(self, publishers: Mapping[str, list[str]]) -> None:
+        """Find motors, and other nodes that publish joint states; log new ones."""
+        self._efforts.look(publishers)
         own = rospy.get_name()
         clocks = publishers.get("/clock", ())
         for robot in self._robots:

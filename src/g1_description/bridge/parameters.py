@@ -78,6 +78,10 @@ class BridgeParameters:
     ghost: bool = False
     """Publish the commanded configuration as a second robot."""
 
+    history: float = 600.0
+    """Simulated time for which states and commands are kept, with at most 60 MB per
+    robot; 0: none; see [history](#history), in [s]."""
+
     imu_link: str = ""
     """Link with a second frame, for the IMU; empty: the link ``imu`` of the robot's
     [profile](robots.md)."""
@@ -92,6 +96,7 @@ class BridgeParameters:
         for name in ("max_interval", "min_interval"):
             check_range(self, name, 0.0, 3600.0)
         check_range(self, "max_rate", 0.0, 1e6)
+        check_range(self, "history", 0.0, 1e6)
         _check_prefix("~frame_prefix", self.frame_prefix)
         for key in ("name", "namespace", "frame_prefix"):
             values = [getattr(robot, key) for robot in self.each_robot]

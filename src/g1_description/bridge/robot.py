@@ -116,6 +116,8 @@ class BridgedRobot:
         self._joint_states.publish(self._encoder.encode(state))
         if self._base is None:
             state = replace(state, base_pose=None, base_twist=None)
+        if self.status.history is not None:
+            self.status.history.add(state)
         self._robot_states.publish(
             Prepared(partial(write_robot_state, state, self._map_frame))
         )
@@ -177,10 +179,12 @@ class BridgedRobot:
         return transform(stamp, self._map_frame, self._base, pose)
 
     def flush(self) -> None:
-        """Send the queued messages of slow subscribers."""
+        """Send the queued messages of slow subscribers, and compress the history."""
         self.player.flush()
         for topic in self._topics:
             topic.flush()
+        if self.status.history is not None:
+            self.status.history.pack()
         self.status.tf_listeners = self._tf_joint_states.get_num_connections()
 
     def begin_again(self) -> None:

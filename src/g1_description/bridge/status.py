@@ -7,10 +7,13 @@ import time
 from collections import Counter
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 from g1_description.bridge.commands import CommandTally
 from g1_description.bridge.estimator import LinkProblems
 from g1_description.errors import DescriptionError
+from g1_description.motion.history import History
+from g1_description.motion.history_chunks import Command
 from g1_description.robot.description import Description
 from g1_description.robot.lumping import lump_fixed_joints
 from g1_description.robot.state import RobotState
@@ -27,6 +30,9 @@ class RobotStatus:
     """Name of its model in the simulated world."""
 
     description: Description
+    history: History | None = None
+    """Its last states and commands; None if they are not kept."""
+
     commands: CommandTally = field(init=False)
     motions: Counter[str] = field(default_factory=Counter)
     """Counts of its motions and base commands, by the keys of /diagnostics."""
@@ -59,6 +65,12 @@ class RobotStatus:
         """Count one of its motions or base commands; thread-safe."""
         with self._counting:
             self.motions[what] += 1
+
+    def record(self, message: Any, topic: str, content: str) -> None:
+        """Keep a command for the history; ``message`` knows its sender."""
+        if self.history is not None:
+            sender = message._connection_header.get("callerid", "")
+            self.history.add_command(Command(sender, topic, content))
 
     @property
     def is_in_grace(self) -> bool:

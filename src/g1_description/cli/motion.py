@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from g1_description.api import Robot
+from g1_description.bridge.recorded_file import WRITERS
 from g1_description.checks.batch import (
     Content,
     FileWorker,
@@ -38,7 +39,6 @@ from g1_description.cli.motion_edits import (
 from g1_description.cli.motion_paths import MotionFiles, motion_files, unmatched
 from g1_description.cli.motion_places import is_merged, places_of
 from g1_description.cli.progress import Printer
-from g1_description.cli.recorded_file import WRITERS
 from g1_description.cli.start import INTERRUPTED
 from g1_description.command_line import OneSentenceParser, parse, say
 from g1_description.errors import (

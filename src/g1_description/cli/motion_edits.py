@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
+from g1_description.bridge.recorded_file import WRITERS
 from g1_description.cli import options
-from g1_description.cli.recorded_file import WRITERS
 from g1_description.command_line import MAX_FPS, option, positive, within
 from g1_description.errors import InvalidValueError, UnknownNameError
 from g1_description.motion.edit import (

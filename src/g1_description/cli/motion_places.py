@@ -7,9 +7,9 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
+from g1_description.bridge.recorded_file import WRITERS
 from g1_description.checks.batch import Task
 from g1_description.cli.motion_edits import Edit
-from g1_description.cli.recorded_file import WRITERS
 from g1_description.errors import InvalidValueError
 from g1_description.motion.files.formats import writer_of
 from g1_description.motion.paths import as_file, split

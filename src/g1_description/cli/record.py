@@ -17,8 +17,8 @@ from typing import Union
 import rosgraph
 import rospy
 
+from g1_description.bridge.recorded_file import ENDINGS, room_of, write_motion_file
 from g1_description.cli.options import namespace
-from g1_description.cli.recorded_file import ENDINGS, room_of, write_motion_file
 from g1_description.cli.recorder import BridgeStates, Recorder, SimulatorStates
 from g1_description.command_line import (
     MAX_FPS,
@@ -32,6 +32,7 @@ from g1_description.command_line import (
 from g1_description.errors import G1DescriptionError, InvalidValueError
 from g1_description.motion.files.conventions import known_velocities
 from g1_description.robot.description import Description
+from g1_description.ros.history import fetch_history
 from g1_description.ros.lifecycle import handle_signals, own_arguments, start_node
 from g1_description.ros.robot_view import wait_for_description
 from g1_description.ros.waiting import NoAnswerError, wait_until
@@ -76,6 +77,12 @@ class RecordOptions:
     seconds: float | None = option(
         "duration in simulated time [s]", None, positive(math.inf), shown="until Ctrl-C"
     )
+    last: float | None = option(
+        "save the last seconds, of those that the bridge keeps [s]",
+        None,
+        positive(math.inf),
+        shown="record from now on",
+    )
     namespace: str = namespace()
     model: str = option(
         "name of the robot in the simulator", "", shown="the one with its links"
@@ -117,6 +124,9 @@ def record(args: RecordOptions) -> None:
     """
     start_node("record", anonymous=True, disable_rosout=True)
     robot = wait_for_description(args.namespace, notify)
+    if args.last is not None:
+        save_last(args.last, robot, args)
+        return
     recorder = Recorder(args.rate, args.seconds, partial(room_of, args.out))
     states = states_of(robot, recorder, args)
     _wait_for_first(recorder, states)
@@ -126,6 +136,23 @@ def record(args: RecordOptions) -> None:
     _follow(recorder, states, stop)
     recorder.is_over = True
     states.close()
+    save(recorder, robot, args)
+
+
+def save_last(seconds: float, robot: Description, args: RecordOptions) -> None:
+    """Save what the bridge has kept.
+
+    Raises:
+        G1DescriptionError: If there is no bridge, or the file cannot be written.
+    """
+    stretch, note = fetch_history(seconds, args.namespace)
+    recorder = Recorder(args.rate, None, partial(room_of, args.out))
+    for state in stretch.states():
+        recorder.take(state)
+    if recorder.refusal:
+        raise recorder.refusal
+    if note:
+        notify(note)
     save(recorder, robot, args)
 
 
@@ -232,6 +259,13 @@ def main() -> None:
     try:
         options = parse(RecordOptions, "record", own_arguments())
         _check_place(options.out, options.force)
+        if options.last is not None and (
+            options.seconds or options.model or options.gazebo != GAZEBO
+        ):
+            raise InvalidValueError(
+                "--last saves what the bridge has kept: it cannot be combined with "
+                "--seconds, --model or --gazebo."
+            )
         record(options)
     except G1DescriptionError as error:
         sys.exit(f"record: {error}")

@@ -14,8 +14,8 @@ import rospy
 from rosgraph_msgs.msg import Clock
 
 from g1_description.bridge.estimator import JointStateEstimator
+from g1_description.bridge.recorded_file import Room
 from g1_description.bridge.state_source import RisingStamps, StateSource
-from g1_description.cli.recorded_file import Room
 from g1_description.errors import (
     G1DescriptionError,
     InvalidValueError,

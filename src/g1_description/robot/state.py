@@ -39,6 +39,10 @@ class RobotState:
     commanded_base: np.ndarray | None = None
     """Commanded pose of the base, like ``base_pose``; None if there is none."""
 
+    efforts: np.ndarray | None = None
+    """Efforts of the joints' motors in [N m] or [N], shape (n_joints,); None if they
+    are unknown."""
+
     @property
     def time(self) -> float:
         """The stamp in [s]."""

@@ -1,0 +1,219 @@
+"""The history of each robot of the bridge: efforts, commands, and its services."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rospy
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
+
+from g1_description.bridge.parameters import RobotParameters, topic_of
+from g1_description.bridge.recorded_file import ENDINGS, write_motion_file
+from g1_description.bridge.status import RobotStatus
+from g1_description.errors import G1DescriptionError, InvalidValueError
+from g1_description.motion.history_chunks import Stretch
+from g1_description.msg import MotorStates
+from g1_description.ros.conversions import stamp_from_ns
+from g1_description.ros.history import answer_from_stretch, commands_to_messages
+from g1_description.srv import (
+    GetHistory,
+    GetHistoryRequest,
+    GetHistoryResponse,
+    SaveHistory,
+    SaveHistoryRequest,
+    SaveHistoryResponse,
+)
+from g1_description.text import listed
+
+MAX_STATES = 5000
+"""Most states in an answer: 5 MB of the G1."""
+
+MAX_NAMES = 3
+"""Most joints that are named in a command; of more, their number is."""
+
+
+class HistoryServices:
+    """Answers requests for the history of one robot.
+
+    Services: get_history (g1_description/GetHistory), save_history
+        (g1_description/SaveHistory)
+    """
+
+    def __init__(self, robot: RobotParameters, status: RobotStatus) -> None:
+        self._status = status
+        for name, kind, handler in (
+            ("get_history", GetHistory, self._get),
+            ("save_history", SaveHistory, self._save),
+        ):
+            rospy.Service(topic_of(robot, name), kind, handler)
+
+    def _get(self, request: GetHistoryRequest) -> GetHistoryResponse:
+        """Answer with states and commands."""
+        try:
+            where = self._range(request)
+            stretch = self._stretch(*where, request.max_samples, MAX_STATES)
+        except G1DescriptionError as error:
+            return GetHistoryResponse(success=False, status_message=str(error))
+        run, begin, end = where
+        history, newest = self._status.history, int(stretch.stamps[-1])
+        runs = history.runs()
+        first, last = runs.get(run, (begin, end))
+        answer = answer_from_stretch(stretch, self._status.name)
+        answer.success, answer.status_message = True, _note(stretch)
+        answer.first_run = min(runs)
+        answer.first, answer.last = stamp_from_ns(first), stamp_from_ns(last)
+        is_full = len(stretch.stamps) + stretch.others == MAX_STATES
+        answer.is_complete = not is_full or newest >= min(end, last)
+        if not answer.is_complete:
+            end = newest
+        answer.commands = commands_to_messages(history.commands(begin, end, run))
+        return answer
+
+    def _save(self, request: SaveHistoryRequest) -> SaveHistoryResponse:
+        """Write states to a file."""
+        path = Path(request.file)
+        try:
+            if not path.is_absolute() or path.suffix.lower() not in ENDINGS:
+                raise InvalidValueError(
+                    "file must be an absolute path that ends in "
+                    f"{' or '.join(ENDINGS)} (got '{request.file}')."
+                )
+            if path.exists() and not request.overwrite:
+                raise InvalidValueError(
+                    f"The file {path} already exists; set overwrite to replace it."
+                )
+            stretch = self._stretch(*self._range(request), 0, 0)
+            motion = stretch.motion()
+            notes = write_motion_file(
+                path,
+                motion,
+                self._status.description,
+                begin=int(stretch.stamps[0]),
+            )
+        except G1DescriptionError as error:
+            return SaveHistoryResponse(success=False, status_message=str(error))
+        message = " ".join(filter(None, (*notes, _note(stretch))))
+        return SaveHistoryResponse(True, message, len(motion.times), motion.duration)
+
+    def _range(self, request: Any) -> tuple[int, int, int]:
+        """Return the requested run, and begin and end in [ns]."""
+        history, name = self._status.history, self._status.name
+        if history is None:
+            raise InvalidValueError(
+                "The bridge keeps no history: its parameter ~history is 0."
+            )
+        runs = history.runs()
+        if not runs:
+            raise InvalidValueError(f"The bridge has had no state of {name} yet.")
+        run = request.run or max(runs)
+        if run not in runs:
+            raise InvalidValueError(
+                f"run must be from {min(runs)} to {max(runs)}, or 0 (got {run})."
+            )
+        if not 0.0 <= request.last < np.inf:
+            raise InvalidValueError(f"last must be at least 0 s (got {request.last}).")
+        first, last = runs[run]
+        begin, end = request.begin.to_nsec() or first, request.end.to_nsec() or last
+        if request.last:
+            begin, end = max(first, last - round(1e9 * request.last)), last
+        if begin > end:
+            raise InvalidValueError(
+                f"begin must not be later than end (got {1e-9 * begin:.3f} s and "
+                f"{1e-9 * end:.3f} s)."
+            )
+        return run, begin, end
+
+    def _stretch(
+        self, run: int, begin: int, end: int, most: int, limit: int
+    ) -> Stretch:
+        """Return states of a range, as ``History.stretch`` does."""
+        found = self._status.history.stretch(begin, end, most, limit, run)
+        if found is None:
+            first, last = (1e-9 * stamp for stamp in self._status.history.runs()[run])
+            raise InvalidValueError(
+                f"There is no state from {1e-9 * begin:.3f} s to {1e-9 * end:.3f} s; "
+                f"those of run {run} are from {first:.3f} s to {last:.3f} s."
+            )
+        return found
+
+
+def _note(stretch: Stretch) -> str:
+    """Describe what an answer lacks."""
+    if not stretch.others:
+        return ""
+    return f"Ignored {stretch.others} states with other joints than the last one."
+
+
+class Efforts:
+    """Adds the efforts of motors to the histories, where the simulator has motors.
+
+    Subscribes: <gazebo>/motor_states (g1_description/MotorStates), unless physics is
+        kinematic
+    Reads: <gazebo>/physics
+    """
+
+    def __init__(self, gazebo: str, statuses: Sequence[RobotStatus]) -> None:
+        self._gazebo, self._topic = gazebo, f"{gazebo}/motor_states"
+        self._statuses = {one.name: one for one in statuses if one.history}
+        self._publishers: list[str] = []
+        self._subscriber: rospy.Subscriber | None = None
+
+    def look(self, publishers: Mapping[str, list[str]]) -> None:
+        """Subscribe when a simulator appears; to be called once a second.
+
+        Args:
+            publishers: The publishers of each topic.
+        """
+        found = publishers.get(self._topic, [])
+        if not self._statuses or found == self._publishers:
+            return
+        self._publishers = found
+        physics = rospy.get_param(f"{self._gazebo}/physics", "kinematic")
+        if self._subscriber is not None:
+            self._subscriber.unregister()
+            self._subscriber = None
+        if found and physics != "kinematic":
+            self._subscriber = rospy.Subscriber(
+                self._topic, MotorStates, self._on_states, tcp_nodelay=True
+            )
+
+    def _on_states(self, message: MotorStates) -> None:
+        """Add the efforts of one robot."""
+        status = self._statuses.get(message.model_name)
+        if status is None or status.state is None or not message.tau:
+            return
+        known = dict(zip(message.joint_names, message.tau))
+        efforts = [known.get(name, np.nan) for name in status.state.names]
+        status.history.add_efforts(message.header.stamp.to_nsec(), np.array(efforts))
+
+
+def joints_text(names: Sequence[str]) -> str:
+    """Describe the joints of a command."""
+    return listed(names) if len(names) <= MAX_NAMES else f"{len(names)} joints"
+
+
+def motion_text(
+    joints: JointTrajectory, base: MultiDOFJointTrajectory | None = None
+) -> str:
+    """Describe a motion."""
+    moved = [joints_text(joints.joint_names)] if joints.points else []
+    if base is not None and base.points:
+        moved.append("base")
+    if not moved:
+        return "stop"
+    points = joints.points or base.points
+    return f"{' and '.join(moved)}, {points[-1].time_from_start.to_sec():.2f} s"
+
+
+def record_joint_command(
+    status: RobotStatus, message: JointState, ignored: str
+) -> None:
+    """Keep a command of joints; ``ignored`` says which part of it was, and why."""
+    content = joints_text(message.name)
+    if ignored:
+        content = f"{content}; ignored: {ignored}"
+    status.record(message, "joint_commands", content)

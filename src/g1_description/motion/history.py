@@ -1,0 +1,199 @@
+"""The last minutes of a robot: its states and the commands to it, in bounded memory.
+
+Times, positions and poses are kept to the last bit; velocities, twists and efforts as
+float32.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from g1_description.motion.history_chunks import Chunk, Command, Stretch, joined
+from g1_description.robot.state import RobotState
+
+MAX_BYTES = 60_000_000
+"""Most memory of a history."""
+
+MAX_GAP = 1_000_000_000
+"""Commands further apart, in [ns], are not one stream."""
+
+
+@dataclass
+class CommandStream:
+    """Equal commands that followed each other, or a single one."""
+
+    first: int
+    """Stamp of the state before the first of them, in [ns]."""
+
+    last: int
+    count: int
+    command: Command
+
+
+class History:
+    """Keeps the states of one robot, and the commands that it received.
+
+    Several threads may add and read. Whole chunks are forgotten, the oldest first, when
+    their simulated time, of all runs, or their memory exceeds the limits.
+    """
+
+    def __init__(self, seconds: float, max_bytes: int = MAX_BYTES) -> None:
+        """Begin without states.
+
+        Args:
+            seconds: Simulated time that is kept, in [s].
+            max_bytes: Memory that is used.
+        """
+        self._limit, self._max_bytes = round(1e9 * seconds), max_bytes
+        self._lock = threading.Lock()
+        self._chunks: deque[Chunk] = deque()
+        self._unpacked: deque[Chunk] = deque()
+        self._bytes = self._duration = 0  # of packed chunks
+        self._last = -1
+        self.run = 1
+        """Number of the newest run."""
+
+    def add(self, state: RobotState) -> None:
+        """Add a state, unless it has the time of the last one.
+
+        An earlier time begins a new run; the runs before it stay.
+        """
+        with self._lock:
+            if state.stamp == self._last:
+                return
+            self.run += state.stamp < self._last
+            chunk = self._chunks[-1] if self._chunks else None
+            if chunk is None or not chunk.has_room_for(state, self.run):
+                is_same = chunk is not None and chunk.run == self.run
+                chunk = Chunk(
+                    self.run,
+                    state.names,
+                    tuple(state.commanded),
+                    self._last if is_same else state.stamp,
+                )
+                self._chunks.append(chunk)
+                self._unpacked.append(chunk)
+            chunk.states.append(state)
+            self._last = state.stamp
+
+    def add_efforts(self, stamp: int, efforts: np.ndarray) -> None:
+        """Add the efforts of a state that was just added; of other times: nothing.
+
+        Args:
+            stamp: Time of the state in [ns].
+            efforts: In [N m] or [N], shape (n_joints,), like ``RobotState.efforts``.
+        """
+        with self._lock:
+            for chunk in list(self._unpacked)[:-3:-1]:
+                for row in range(len(chunk.states) - 1, -1, -1):
+                    state = chunk.states[row]
+                    if state.stamp == stamp and len(state.names) == len(efforts):
+                        chunk.states[row] = replace(state, efforts=efforts)
+                    if state.stamp <= stamp:
+                        return
+
+    def add_command(self, command: Command) -> None:
+        """Add a command at the time of the last state; ignored before the first."""
+        with self._lock:
+            if self._chunks:
+                self._chunks[-1].commands.append((self._last, command))
+
+    def pack(self) -> None:
+        """Compress full chunks, and forget the oldest; to be called by one thread.
+
+        The newest two stay as they are: their efforts may still come.
+        """
+        while len(self._unpacked) > 2:
+            chunk = self._unpacked[0]
+            chunk.pack()
+            with self._lock:
+                self._unpacked.popleft()
+                self._bytes += chunk.n_bytes
+                self._duration += chunk.duration
+                while (
+                    self._bytes > self._max_bytes
+                    or self._duration - self._chunks[0].duration > self._limit
+                ):
+                    oldest = self._chunks.popleft()
+                    self._bytes -= oldest.n_bytes
+                    self._duration -= oldest.duration
+
+    @property
+    def n_bytes(self) -> int:
+        """Memory of the compressed chunks."""
+        return self._bytes
+
+    def runs(self) -> dict[int, tuple[int, int]]:
+        """Return the first and last stamp in [ns] of each run by its number."""
+        found: dict[int, tuple[int, int]] = {}
+        for chunk in self._all_chunks():
+            first, _ = found.get(chunk.run, (chunk.first, 0))
+            found[chunk.run] = first, chunk.last
+        return found
+
+    def stretch(
+        self,
+        begin: int,
+        end: int,
+        max_states: int = 0,
+        limit: int = 0,
+        run: int = 0,
+    ) -> Stretch | None:
+        """Return the states from a time to another one.
+
+        Args:
+            begin: In [ns]; equal to ``end``: only the last state that is not later.
+            end: In [ns].
+            max_states: Of more, this many are taken, evenly; 0: all.
+            limit: Of more, only the first are taken; 0: all.
+            run: Number of the run; 0: the newest.
+
+        Returns:
+            The states; None if there are none.
+        """
+        chunks = [c for c in self._all_chunks() if c.run == (run or self.run)]
+        each = [chunk.stamps() for chunk in chunks]
+        stamps = np.concatenate([np.empty(0, np.int64), *each])
+        last = int(np.searchsorted(stamps, end, "right"))
+        first = last - 1 if begin == end else int(np.searchsorted(stamps, begin))
+        if not 0 <= first < last:
+            return None
+        rows = np.arange(first, last)
+        if 0 < max_states < len(rows):
+            rows = rows[np.linspace(0, len(rows) - 1, max_states).round().astype(int)]
+        rows = rows[: limit or None]
+        ends = np.cumsum([len(one) for one in each])
+        which = np.searchsorted(ends, rows, "right")
+        begins = ends - [len(one) for one in each]
+        return joined(
+            [
+                chunks[number].stretch(rows[which == number] - begins[number])
+                for number in np.unique(which).tolist()
+            ]
+        )
+
+    def commands(self, begin: int, end: int, run: int = 0) -> list[CommandStream]:
+        """Return the commands from a time to another one, in [ns], by their first."""
+        found: list[CommandStream] = []
+        streams: dict[Command, CommandStream] = {}
+        for chunk in self._all_chunks():
+            if chunk.run != (run or self.run):
+                continue
+            for stamp, command in chunk.all_commands():
+                if not begin <= stamp <= end:
+                    continue
+                stream = streams.get(command)
+                if stream is None or stamp - stream.last > MAX_GAP:
+                    stream = streams[command] = CommandStream(stamp, stamp, 0, command)
+                    found.append(stream)
+                stream.last = stamp
+                stream.count += 1
+        return found
+
+    def _all_chunks(self) -> list[Chunk]:
+        with self._lock:
+            return list(self._chunks)

@@ -1,0 +1,323 @@
+"""Chunks of a history, without loss but for what is kept as float32.
+
+Of each column the second differences of the bit patterns are compressed, first bytes of
+all of them first. While the robot moves that is two thirds of the size, at rest next to
+nothing.
+"""
+
+from __future__ import annotations
+
+import math
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from g1_description.motion.motion import Motion
+from g1_description.robot.state import RobotState
+
+SIZE = 256
+"""Most states in a chunk: 1.3 s at 200 Hz."""
+
+MAX_COMMANDS = 1024
+"""Most commands in a chunk: while time is paused there may be many in one state."""
+
+OVERHEAD = 2500
+"""Bytes of a packed chunk next to its arrays."""
+
+_FIELDS = {
+    "positions": np.float64,
+    "velocities": np.float32,
+    "base_poses": np.float64,
+    "base_twists": np.float32,
+    "efforts": np.float32,
+    "commanded": np.float64,
+    "commanded_bases": np.float64,
+}
+"""Arrays of a stretch, and how they are kept."""
+
+
+class Command(NamedTuple):
+    """What is the same in all commands of a stream."""
+
+    sender: str
+    """Name of the node."""
+
+    topic: str
+    """Topic, service or action."""
+
+    content: str
+    """A phrase, such as the joints."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """States with the same joints, at increasing times.
+
+    An array is None if no state has it. Rows of NaN are of states that do not.
+    """
+
+    run: int
+    """Number of the run: a new one begins when time goes back."""
+
+    stamps: np.ndarray
+    """In [ns], shape (n,)."""
+
+    names: tuple[str, ...]
+    """Names of the joints."""
+
+    commanded_names: tuple[str, ...]
+    """Names of the commanded joints."""
+
+    positions: np.ndarray
+    """In [rad] or [m], shape (n, n_joints)."""
+
+    velocities: np.ndarray | None = None
+    """In [rad/s] or [m/s], shape (n, n_joints)."""
+
+    base_poses: np.ndarray | None = None
+    """In the map, shape (n, 7), like ``RobotState.base_pose``."""
+
+    base_twists: np.ndarray | None = None
+    """Shape (n, 6), like ``RobotState.base_twist``."""
+
+    efforts: np.ndarray | None = None
+    """In [N m] or [N], shape (n, n_joints)."""
+
+    commanded: np.ndarray | None = None
+    """In [rad] or [m], shape (n, n_commanded)."""
+
+    commanded_bases: np.ndarray | None = None
+    """Shape (n, 7), like ``RobotState.commanded_base``."""
+
+    others: int = 0
+    """States of that time with other joints, which are ignored."""
+
+    def states(self) -> list[RobotState]:
+        """Return the single states."""
+        return [
+            RobotState(
+                stamp,
+                self.names,
+                self.positions[row],
+                _known(self.velocities, row),
+                _known(self.base_poses, row),
+                _known(self.base_twists, row),
+                self._commanded(row),
+                _known(self.commanded_bases, row),
+                _known(self.efforts, row),
+            )
+            for row, stamp in enumerate(self.stamps.tolist())
+        ]
+
+    def _commanded(self, row: int) -> Mapping[str, float]:
+        """Return the commanded positions of a state."""
+        if self.commanded is None:
+            return {}
+        pairs = zip(self.commanded_names, self.commanded[row].tolist())
+        return {name: value for name, value in pairs if not math.isnan(value)}
+
+    def motion(self) -> Motion:
+        """Return the states as a motion from time zero.
+
+        Velocities and base are left out unless they are known in all states.
+        """
+        velocities, bases = (
+            None if array is None or np.isnan(array).any() else array
+            for array in (self.velocities, self.base_poses)
+        )
+        times = (self.stamps - self.stamps[0]) / 1e9
+        return Motion(times, self.names, self.positions, velocities, bases)
+
+
+def joined(parts: Sequence[Stretch]) -> Stretch:
+    """Join parts of a run that follow each other, those with the joints of the last."""
+    newest = parts[-1]
+    alike = [part for part in parts if part.names == newest.names]
+    names = tuple(dict.fromkeys(n for part in alike for n in part.commanded_names))
+    ignored = sum(len(part.stamps) for part in parts if part.names != newest.names)
+    alike = [_commanding(part, names) for part in alike]
+    arrays = {}
+    for name in _FIELDS:
+        found = [getattr(part, name) for part in alike]
+        width = next((one.shape[1] for one in found if one is not None), None)
+        if width is not None:
+            arrays[name] = np.concatenate(
+                [
+                    np.full((len(part.stamps), width), np.nan) if one is None else one
+                    for part, one in zip(alike, found)
+                ]
+            )
+    return replace(
+        alike[-1],
+        stamps=np.concatenate([part.stamps for part in alike]),
+        others=ignored + sum(part.others for part in parts),
+        **arrays,
+    )
+
+
+def _commanding(part: Stretch, names: tuple[str, ...]) -> Stretch:
+    """Give a stretch other commanded joints, with NaN for those that it lacks."""
+    own = part.commanded_names
+    if part.commanded is None or own == names:
+        return replace(part, commanded_names=names)
+    wider = np.pad(part.commanded, ((0, 0), (0, 1)), "constant", constant_values=np.nan)
+    order = [own.index(name) if name in own else -1 for name in names]
+    return replace(part, commanded_names=names, commanded=wider[:, order])
+
+
+class Chunk:
+    """Consecutive states of one run with the same names, and commands meanwhile."""
+
+    def __init__(
+        self,
+        run: int,
+        names: tuple[str, ...],
+        commanded_names: tuple[str, ...],
+        begin: int,
+    ) -> None:
+        self.run, self.names, self.commanded_names = run, names, commanded_names
+        self.states: list[RobotState] = []
+        self.commands: list[tuple[int, Command]] = []
+        self.n_bytes = 0
+        self._begin = begin
+        """Last stamp of the chunk before it."""
+        self._packed: _Packed | None = None
+
+    def has_room_for(self, state: RobotState, run: int) -> bool:
+        """Whether a state may be the next one."""
+        return (
+            run == self.run
+            and len(self.states) < SIZE
+            and len(self.commands) < MAX_COMMANDS
+            and (state.names is self.names or state.names == self.names)
+            and tuple(state.commanded) == self.commanded_names
+        )
+
+    @property
+    def first(self) -> int:
+        """The first stamp."""
+        return int(self.stamps()[0])
+
+    @property
+    def last(self) -> int:
+        """The last stamp."""
+        return int(self.stamps()[-1])
+
+    @property
+    def duration(self) -> int:
+        """Time since the chunk before it, in [ns]."""
+        return self.last - self._begin
+
+    def stamps(self) -> np.ndarray:
+        """Return the stamps."""
+        states, packed = self.states, self._packed  # in this order: pack() may run
+        if packed is not None:
+            return packed.stamps
+        return np.array([state.stamp for state in states[:]], np.int64)
+
+    def stretch(self, rows: np.ndarray) -> Stretch:
+        """Return some of the states by their numbers, shape (n,)."""
+        states, packed = self.states, self._packed
+        if packed is None:
+            arrays = dict(_stacked([states[row] for row in rows.tolist()]))
+        else:
+            n = len(packed.stamps)
+            arrays = {
+                name: _decoded(data, n, _FIELDS[name])[rows]
+                for name, data in packed.arrays.items()
+            }
+        found: dict[str, Any] = {
+            name: array.astype(np.float64) for name, array in arrays.items()
+        }
+        return Stretch(
+            self.run, self.stamps()[rows], self.names, self.commanded_names, **found
+        )
+
+    def all_commands(self) -> Iterator[tuple[int, Command]]:
+        """Iterate over stamps and commands."""
+        commands, packed = self.commands, self._packed
+        if packed is None:
+            yield from commands[:]
+        else:
+            for stamp, which in zip(packed.command_stamps.tolist(), packed.which):
+                yield stamp, packed.kinds[which]
+
+    def pack(self) -> None:
+        """Replace the states by compressed arrays."""
+        kinds = tuple(dict.fromkeys(command for _, command in self.commands))
+        number = {command: row for row, command in enumerate(kinds)}
+        packed = _Packed(
+            self.stamps(),
+            {name: _encoded(array) for name, array in _stacked(self.states)},
+            np.array([stamp for stamp, _ in self.commands], np.int64),
+            np.array([number[command] for _, command in self.commands], np.uint16),
+            kinds,
+        )
+        self.n_bytes = (
+            OVERHEAD
+            + sum(map(len, packed.arrays.values()))
+            + packed.stamps.nbytes
+            + packed.command_stamps.nbytes
+            + packed.which.nbytes
+            + sum(len(word) + 50 for command in kinds for word in command)
+        )
+        self._packed = packed
+        self.states, self.commands = [], []
+
+
+class _Packed(NamedTuple):
+    """The content of a chunk, compressed."""
+
+    stamps: np.ndarray
+    arrays: dict[str, bytes]
+    command_stamps: np.ndarray
+    which: np.ndarray
+    kinds: tuple[Command, ...]
+
+
+def _stacked(states: Sequence[RobotState]) -> Iterator[tuple[str, np.ndarray]]:
+    """Iterate over the arrays of states, with NaN where a state has none."""
+    columns: dict[str, list[Any]] = {
+        "positions": [state.positions for state in states],
+        "velocities": [state.velocities for state in states],
+        "base_poses": [state.base_pose for state in states],
+        "base_twists": [state.base_twist for state in states],
+        "efforts": [state.efforts for state in states],
+        "commanded": [[*state.commanded.values()] or None for state in states],
+        "commanded_bases": [state.commanded_base for state in states],
+    }
+    for name, rows in columns.items():
+        width = next((len(row) for row in rows if row is not None), None)
+        if width is not None:
+            unknown = np.full(width, np.nan)
+            rows = [unknown if row is None else row for row in rows]
+            yield name, np.array(rows, _FIELDS[name])
+
+
+def _encoded(array: np.ndarray) -> bytes:
+    """Compress an array, shape (n, width)."""
+    bits = array.view(f"u{array.itemsize}")
+    for _ in range(2):
+        bits = np.concatenate([bits[:1], bits[1:] - bits[:-1]])
+    planes = bits.view(np.uint8).reshape(*array.shape, array.itemsize)
+    return zlib.compress(planes.transpose(2, 1, 0).tobytes(), 1)
+
+
+def _decoded(data: bytes, n: int, kind: type) -> np.ndarray:
+    """Return an array, shape (n, width)."""
+    size = np.dtype(kind).itemsize
+    planes = np.array(bytearray(zlib.decompress(data)), np.uint8).reshape(size, -1, n)
+    bits = planes.transpose(2, 1, 0).copy().view(f"u{size}")[..., 0]
+    for _ in range(2):
+        bits = np.cumsum(bits, axis=0, dtype=bits.dtype)
+    return bits.view(kind)
+
+
+def _known(array: np.ndarray | None, row: int) -> np.ndarray | None:
+    """Return a row, or None if it is unknown."""
+    if array is None or np.isnan(array[row]).all():
+        return None
+    return array[row]
