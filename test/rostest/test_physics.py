@@ -18,6 +18,7 @@ from g1_description.msg import (
 )
 from g1_description.srv import (
     GetAnchor,
+    GetHistory,
     PlayMotion,
     SetAnchor,
     SetGantry,
@@ -37,6 +38,7 @@ from support.ros_testing import (
     Repeated,
     position_of,
     program,
+    service,
     wait_for,
 )
 from support.seen import ELBOW, check_that_commands_show
@@ -120,6 +122,19 @@ class TestPhysics(unittest.TestCase):
         np.testing.assert_allclose(
             moved, change, atol=0.1 * np.abs(change).max() + 1e-3
         )
+
+    def test_1_the_history_has_the_efforts_of_the_motors(self):
+        motors = Listener("/gazebo/motor_states", MotorStates)
+        self.addCleanup(motors.close)
+        wait_for(lambda: len(motors.messages) > 9, "states of the motors")
+        sent = motors.messages[5]
+        stamp = sent.header.stamp
+        history = service("/get_history", GetHistory)
+        wait_for(lambda: history(begin=stamp, end=stamp).efforts, "efforts")
+        answer = history(begin=stamp, end=stamp)
+        self.assertEqual(answer.states.start, stamp)
+        self.assertEqual(answer.states.joint_names, sent.joint_names)
+        np.testing.assert_array_equal(answer.efforts, np.float32(sent.tau))
 
     def test_2_it_stands_or_it_falls(self):
         if self.stands:

@@ -32,6 +32,7 @@ from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
 from g1_description import Robot
+from g1_description.ros.conversions import model_trajectory
 
 from .folder import folder
 from .graph import (
@@ -43,6 +44,7 @@ from .graph import (
     free_port,
     wait_for,
 )
+from .history import kept
 from .html import html
 from .ik import ik
 from .peer import Peer
@@ -537,6 +539,54 @@ def report_bridge(bench, name, played, recording):
     return cost
 
 
+# --- history --------------------------------------------------------------------------
+
+
+def history(bench):
+    """What the bridge's history costs: memory of ten minutes, and processor time.
+
+    Memory is that of 600 s at 200 Hz, while all joints and the base of the G1 move:
+    measured from link poses as in the bridge, with velocities and twists, then also
+    with efforts, and commanded positions and base of the ghost. Processor time is that
+    of two more bridges of a display at the same time, one of them with `~history` 0,
+    while the robot plays a motion, per simulated time; in `hold` the history has the
+    efforts.
+    """
+    kept(bench)
+    for kind in ("kinematic", "hold"):
+        with bench.attempt(f"bridges in {kind}"), Graph() as graph:
+            launched(graph, bench.model, f"physics:={kind}")
+            bridges = {}
+            for name, seconds in (("on", 600), ("off", 0)):
+                graph.start([*OURS, f"__ns:=/{name}", f"_history:={seconds}"])
+                bridges[name] = graph.node(f"/{name}/link_states_bridge")
+            motion = model_trajectory(MODEL, clip(bench.robot, 1))
+            with closing(Service("/gazebo/set_model_trajectory")) as service:
+                service.send(service.request(motion))
+            shares = shares_of(bridges, bench.length(20.0, 5.0))
+            for name, value in shares.items():
+                bench.add(f"{kind}: bridge, history {name}", value, "% of a core")
+            cost = shares["on"] - shares["off"]
+            bench.add(f"{kind}: history", cost, "% of a core", "<= 3", "-")
+            rate, _ = stamps(bench.length(5.0, 3.0))
+            bench.add(f"{kind}: states", rate, "Hz")
+
+
+def shares_of(processes, seconds):
+    """Measure processor time of processes per simulated time, in [%]."""
+    times = []
+    with closing(Peer()) as peer:
+        peer.subscribe("/clock", Clock, lambda _, body: times.append(body))
+        peer.wait(lambda: times, "/clock")
+        peer.serve(time.monotonic() + SETTLE)
+        times.clear()
+        before = {name: one.cpu_seconds() for name, one in processes.items()}
+        peer.serve(time.monotonic() + seconds)
+        spent = {n: one.cpu_seconds() - before[n] for n, one in processes.items()}
+    first, last = (Clock().deserialize(times[row]).clock for row in (0, -1))
+    return {name: 100.0 * cpu / (last - first).to_sec() for name, cpu in spent.items()}
+
+
 # --- foot -----------------------------------------------------------------------------
 
 
@@ -776,6 +826,7 @@ PARTS = {
         display,
         latency,
         bridge,
+        history,
         foot,
         physics,
         ik,

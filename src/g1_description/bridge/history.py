@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from g1_description.motion.history_chunks import Stretch
 from g1_description.msg import MotorStates
 from g1_description.ros.conversions import stamp_from_ns
 from g1_description.ros.history import answer_from_stretch, commands_to_messages
+from g1_description.ros.waiting import BUFFER
 from g1_description.srv import (
     GetHistory,
     GetHistoryRequest,
@@ -31,6 +33,9 @@ from g1_description.text import listed
 
 MAX_STATES = 5000
 """Most states in an answer: 5 MB of the G1."""
+
+PAUSE = 0.05
+"""Wait before efforts are read again, in [s] of wall time."""
 
 MAX_NAMES = 3
 """Most joints that are named in a command; of more, their number is."""
@@ -178,7 +183,11 @@ class Efforts:
             self._subscriber = None
         if found and physics != "kinematic":
             self._subscriber = rospy.Subscriber(
-                self._topic, MotorStates, self._on_states, tcp_nodelay=True
+                self._topic,
+                MotorStates,
+                self._on_states,
+                buff_size=BUFFER,
+                tcp_nodelay=True,
             )
 
     def _on_states(self, message: MotorStates) -> None:
@@ -188,7 +197,10 @@ class Efforts:
             return
         known = dict(zip(message.joint_names, message.tau))
         efforts = [known.get(name, np.nan) for name in status.state.names]
-        status.history.add_efforts(message.header.stamp.to_nsec(), np.array(efforts))
+        stamp = message.header.stamp.to_nsec()
+        status.history.add_efforts(stamp, np.array(efforts))
+        if stamp >= status.stamp:
+            time.sleep(PAUSE)  # then several are read at once, for half the time
 
 
 def joints_text(names: Sequence[str]) -> str:

@@ -1,0 +1,202 @@
+"""What has just happened is in the bridge's history, without a recording."""
+
+import subprocess
+import tempfile
+import unittest
+from pathlib import Path
+
+import numpy as np
+import rospy
+from g1_description.msg import RobotState, RobotTrajectory
+from g1_description.srv import GetHistory, PlayMotion, SaveHistory
+from genpy import Time
+from geometry_msgs.msg import PoseStamped
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Empty
+from support.ros_testing import (
+    DEADLINE,
+    Connected,
+    position_of,
+    program,
+    service,
+    step_by,
+    wait_for,
+)
+from trajectory_msgs.msg import JointTrajectory
+
+from g1_description import Client
+from g1_description.motion.files.formats import read_motion
+from g1_description.robot.urdf import parse_urdf
+from g1_description.ros.conversions import robot_state_from_message
+from g1_description.ros.history import stretch_from_answer
+
+ELBOW, KNEE = "left_elbow_joint", "right_knee_joint"
+LONG = 1000.0
+"""Longer than the history of this test, in [s]."""
+
+
+class TestHistory(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        step_by(0.005)
+        cls.states = Connected("/robot_state", RobotState, queue_size=None)
+        cls.get = service("/get_history", GetHistory)
+        cls.save = service("/save_history", SaveHistory)
+        cls.publishers = {
+            name: rospy.Publisher(f"/{name}", kind, queue_size=100)
+            for name, kind in (
+                ("joint_commands", JointState),
+                ("joint_trajectory", JointTrajectory),
+                ("base_command", PoseStamped),
+            )
+        }
+        for publisher in cls.publishers.values():
+            wait_for(publisher.get_num_connections, f"a listener of {publisher.name}")
+        cls.robot = parse_urdf(rospy.get_param("/robot_description"))
+        folder = tempfile.TemporaryDirectory()
+        cls.addClassCleanup(folder.cleanup)
+        cls.folder = Path(folder.name)
+
+    def bend(self, angle):
+        """Command the elbow; return the state that shows it."""
+        self.publishers["joint_commands"].publish(
+            JointState(name=[ELBOW], position=[angle])
+        )
+        return self.states.wait(lambda m: abs(position_of(m, ELBOW) - angle) < 1e-6)
+
+    def test_it_has_the_states_that_were_published(self):
+        self.states.clear()
+        self.bend(0.25)
+        last = self.bend(0.75)
+        published = [
+            robot_state_from_message(m)
+            for m in self.states.messages
+            if m.header.stamp <= last.header.stamp
+        ]
+        first = published[0].stamp
+        answer = self.get(begin=Time(0, first), end=last.header.stamp)
+        self.assertTrue(answer.success, answer.status_message)
+        kept = stretch_from_answer(answer).states()
+        self.assertEqual([s.stamp for s in kept], [s.stamp for s in published])
+        for one, other in zip(kept, published):
+            self.assertEqual(one.names, other.names)
+            self.assertEqual(one.positions.tobytes(), other.positions.tobytes())
+            self.assertEqual(one.base_pose.tobytes(), other.base_pose.tobytes())
+            np.testing.assert_array_equal(
+                one.velocities, other.velocities.astype(np.float32)
+            )
+            self.assertEqual(one.commanded, other.commanded)
+        self.assertIn(ELBOW, kept[-1].commanded)
+        between = Time(0, published[-2].stamp + 1)
+        (single,) = stretch_from_answer(self.get(begin=between, end=between)).states()
+        self.assertEqual(single.stamp, published[-2].stamp)
+        thin = self.get(last=LONG, max_samples=7)
+        self.assertEqual(len(thin.states.times), 7)
+        self.assertEqual(thin.states.start, thin.first)
+
+    def test_it_has_the_commands_with_their_senders(self):
+        begin = self.bend(0.1).header.stamp
+        self.bend(0.2)
+        play = service("/play_motion", PlayMotion)
+        play(RobotTrajectory())
+        self.publishers["joint_trajectory"].publish(
+            JointTrajectory(joint_names=["nose"])
+        )
+        base = PoseStamped()
+        base.header.frame_id = "map"
+        base.pose.position.x, base.pose.position.z = 0.25, 0.9
+        base.pose.orientation.w = 1.0
+        self.publishers["base_command"].publish(base)
+        me = rospy.get_name()
+        expected = {
+            (me, "joint_commands", ELBOW),
+            (me, "play_motion", "stop"),
+            (me, "base_command", "base"),
+        }
+
+        def found():
+            commands = self.get(begin=begin).commands
+            return {(c.sender, c.topic, c.content) for c in commands}
+
+        wait_for(lambda: expected < found(), "the commands")
+        wait_for(
+            lambda: any(
+                topic == "joint_trajectory"
+                and "stop; refused: " in content
+                and "nose" in content
+                for _, topic, content in found()
+            ),
+            "the refused one",
+        )
+
+    def test_it_is_saved_and_read_as_a_motion(self):
+        stamp = self.bend(0.4).header.stamp
+        path = self.folder / "saved.csv"
+        answer = self.save(last=1.0, end=Time(), file=str(path))
+        self.assertTrue(answer.success, answer.status_message)
+        motion = read_motion(path, self.robot)
+        self.assertEqual(len(motion.times), answer.samples)
+        elbow = motion.positions[:, motion.joint_names.index(ELBOW)]
+        self.assertAlmostEqual(elbow[-1], 0.4, 9)
+        self.assertLessEqual(motion.duration, 1.0)
+        for request, words in (
+            ({"file": str(path)}, "already exists"),
+            ({"file": "saved.csv"}, "absolute path"),
+            ({"file": "/saved.txt"}, "absolute path that ends in .csv"),
+            ({"file": str(self.folder / "saved.csv" / "a.csv")}, "cannot be written"),
+            ({"begin": Time(5000), "end": Time(5001)}, "There is no state from 5000"),
+            ({"begin": stamp, "end": Time(0, 1)}, "begin must not be later"),
+            ({"run": 999}, "run must be from"),
+            ({"last": -1.0}, "last must be at least 0 s"),
+        ):
+            fields = {"file": str(self.folder / "other.csv"), **request}
+            answer = self.save(**fields)
+            self.assertFalse(answer.success, request)
+            self.assertIn(words, answer.status_message)
+        self.assertEqual([file.name for file in self.folder.glob("other*")], [])
+
+    def test_it_keeps_what_was_before_a_reset(self):
+        before = self.bend(0.6)
+        run = self.get(last=1.0).run
+        service("/gazebo/reset_simulation", Empty)()
+        wait_for(lambda: self.get(last=1.0).run == run + 1, "another run")
+        answer = self.get(run=run, begin=before.header.stamp, end=before.header.stamp)
+        (state,) = stretch_from_answer(answer).states()
+        self.assertAlmostEqual(state.positions_by_name[ELBOW], 0.6, 9)
+        self.assertLess(self.get(last=1.0).last, before.header.stamp)
+
+    def test_record_and_client_have_what_has_just_happened(self):
+        self.bend(0.3)
+        self.bend(0.9)
+        path = self.folder / "last.csv"
+        command = [program("record"), path, "--last", str(LONG), "--rate", "0"]
+        run = subprocess.run(command, capture_output=True, text=True, timeout=DEADLINE)
+        self.assertEqual(run.returncode, 0, run.stderr)
+        self.assertIn("the history of the bridge has only ", run.stderr)
+        motion = read_motion(path, self.robot)
+        with Client() as client:
+            same = client.history(LONG)
+        count = len(motion.times)
+        np.testing.assert_array_equal(motion.positions, same.positions[:count])
+        np.testing.assert_allclose(motion.times, same.times[:count], atol=1e-9)
+        elbow = same.positions[:, same.joint_names.index(ELBOW)]
+        self.assertLess(np.abs(elbow - 0.3).min(), 1e-9)
+        self.assertAlmostEqual(elbow[-1], 0.9, 9)
+
+    def test_a_bridge_without_a_history_says_so(self):
+        for namespace, words in (("left", "is a bridge running"), ("off", "~history")):
+            if namespace == "off":
+                bridge = subprocess.Popen(
+                    [program("link_states_bridge.py"), "__ns:=/off", "_history:=0"]
+                )
+                self.addCleanup(bridge.wait, DEADLINE)
+                self.addCleanup(bridge.terminate)
+                service("/off/get_history", GetHistory)
+            path = self.folder / "none.csv"
+            command = [program("record"), path, "--last", "1", "--namespace", namespace]
+            run = subprocess.run(
+                command, capture_output=True, text=True, timeout=DEADLINE
+            )
+            self.assertEqual(run.returncode, 1)
+            self.assertIn(words, run.stderr)
+            self.assertFalse(path.exists())
