@@ -12,7 +12,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from g1_description.motion.history_chunks import Chunk, Command, Stretch, joined
+from g1_description.motion.history_chunks import (
+    MAX_COMMANDS,
+    Chunk,
+    Command,
+    Stretch,
+    joined,
+)
 from g1_description.robot.state import RobotState
 
 MAX_BYTES = 60_000_000
@@ -99,7 +105,7 @@ class History:
     def add_command(self, command: Command) -> None:
         """Add a command at the time of the last state; ignored before the first."""
         with self._lock:
-            if self._chunks:
+            if self._chunks and len(self._chunks[-1].commands) < MAX_COMMANDS:
                 self._chunks[-1].commands.append((self._last, command))
 
     def pack(self) -> None:

@@ -21,8 +21,8 @@ from g1_description.robot.state import RobotState
 SIZE = 256
 """Most states in a chunk: 1.3 s at 200 Hz."""
 
-MAX_COMMANDS = 1024
-"""Most commands in a chunk: while time is paused there may be many in one state."""
+MAX_COMMANDS = 10_000
+"""Most commands in a chunk; more are not kept: a pause may be long."""
 
 OVERHEAD = 2500
 """Bytes of a packed chunk next to its arrays."""
@@ -191,7 +191,6 @@ class Chunk:
         return (
             run == self.run
             and len(self.states) < SIZE
-            and len(self.commands) < MAX_COMMANDS
             and (state.names is self.names or state.names == self.names)
             and tuple(state.commanded) == self.commanded_names
         )
