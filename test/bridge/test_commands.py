@@ -69,10 +69,12 @@ def test_each_fault_is_named_and_the_rest_obeyed(names, positions, accepted, pro
 )
 def test_a_command_is_ignored_in_part_or_as_a_whole(monkeypatch, names, told):
     log = mock.Mock()
-    commands = JointCommands("/gazebo", "post", CommandTally(JOINTS), log)
+    commands, kept = JointCommands("/gazebo", "post", CommandTally(JOINTS), log), []
     monkeypatch.setattr(commands, "put", lambda positions: None)
     commands._note = lambda positions: None
+    commands._record = lambda message, ignored: kept.append(ignored)
     commands._on_command(JointState(name=names, position=[0.5, 0.5]))
+    assert len(kept) == 1 and "unknown joint" in kept[0]
     assert log.warn.call_args[0][1].startswith(told)
 
 
