@@ -28,6 +28,7 @@ from g1_description.cli.web import WebOptions
 from g1_description.command_line import arguments_of, default_text
 from g1_description.gazebo.parameters import GazeboParameters, SpawnerParameters
 from g1_description.importer.command import ImportOptions
+from g1_description.interactive.node import InteractiveParameters
 from g1_description.ros.parameters import NAMESPACE
 from g1_description.web.parameters import WebParameters
 
@@ -54,6 +55,7 @@ NODES = {
     "spawn_urdf": SpawnerParameters,
     "checker": CheckerParameters,
     "web": WebParameters,
+    "interactive": InteractiveParameters,
 }
 """The dataclass of a node's parameters."""
 

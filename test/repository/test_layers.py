@@ -34,6 +34,7 @@ BELOW = {
     "ros": CHECKS | {"render"},
     "bridge": ROS,
     "checker": ROS | {"bridge"},
+    "interactive": ROS | {"checker"},
     "gazebo": ROS | {"bridge"},
     "web": ROS | {"bridge", "checker"},
     "client": ROS | {"bridge"},
@@ -45,7 +46,8 @@ BELOW = {
 MODULES = {"api", "client", "stream"}
 """Modules of that table."""
 
-WITH_ROSPY = {"ros", "bridge", "checker", "gazebo", "web", "client", "stream", "cli"}
+WITH_ROSPY = {"ros", "bridge", "checker", "interactive", "gazebo", "web"}
+WITH_ROSPY |= {"client", "stream", "cli"}
 """What may import rospy and messages."""
 
 ONE_MODULE = {
@@ -56,6 +58,7 @@ ONE_MODULE = {
     "distributed": "checks.cluster",
     "daqp": "ik.solver",
     "tqdm": "cli.progress",
+    "interactive_markers": "interactive.markers",
 }
 """Libraries that few modules import."""
 

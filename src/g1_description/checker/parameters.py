@@ -12,7 +12,12 @@ from g1_description.checks.thresholds_file import read_thresholds
 from g1_description.errors import InvalidValueError
 from g1_description.robot.assembly import WORLD, base_of
 from g1_description.robot.description import Description
-from g1_description.ros.parameters import check_range, read_robot, wait_for_parameter
+from g1_description.ros.parameters import (
+    check_files,
+    check_range,
+    read_robot,
+    wait_for_parameter,
+)
 
 
 @dataclass(frozen=True)
@@ -56,12 +61,7 @@ class CheckerParameters:
                 f"~frame_prefix must end with a slash and not begin with one (got "
                 f"'{prefix}')."
             )
-        for name in ("thresholds", "collisions"):
-            file = getattr(self, name)
-            if file and not Path(file).is_absolute():
-                raise InvalidValueError(
-                    f"~{name} must be an absolute path (got '{file}')."
-                )
+        check_files(self, "thresholds", "collisions")
 
     def read_thresholds(self) -> Thresholds:
         """Read the thresholds.

@@ -22,7 +22,14 @@ from g1_description.robot.assembly import WORLD, root_in_base
 from g1_description.robot.description import Description
 from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.launch_arguments import FEET
-from g1_description.robot.poses import check_pose, find_pose, pose_positions, read_poses
+from g1_description.robot.poses import (
+    ZERO,
+    check_pose,
+    find_pose,
+    fitting_poses,
+    pose_positions,
+    read_poses,
+)
 from g1_description.robot.state import RobotState
 from g1_description.robot.transform import compose
 from g1_description.sim.standing import standing_base
@@ -61,12 +68,22 @@ class Posing:
         self._apart: InverseKinematics | None = None
         self.roles = roles_of(description)
         """Links to be dragged by role."""
+        centers = {
+            link.name: link.inertial.center_of_mass
+            for link in description.links
+            if link.inertial is not None
+        }
+        self.centers = {
+            role: centers.get(link, np.zeros(3)) for role, link in self.roles.items()
+        }
+        """Centres of mass of these links in their frames, shape (3,), or else their
+        origins: links of one body may have one origin."""
         self.feet = tuple(foot for foot in FEET if foot in self.roles)
         """Roles of the feet."""
         self.held = {*self.feet}
         """Roles of the links that stay."""
         self.balance = True
-        """Whether the centre of mass stays above the links that stay."""
+        """Whether the centre of mass stays above the feet that stay."""
         self.avoid_collisions = False
         """Whether links keep away from each other, once ``prepare`` was called."""
         self._begin: Placed | None = None
@@ -85,6 +102,13 @@ class Posing:
     def is_prepared(self) -> bool:
         """Whether collisions can be avoided."""
         return self._apart is not None
+
+    @property
+    def standing_pose(self) -> str:
+        """Name of the pose in which the robot stands, by its profile."""
+        robot = self._description
+        name = (robot.given_profile or robot.profile).standing_pose
+        return name if name in fitting_poses(robot) else ZERO
 
     def place(self) -> Placed:
         """Return where the robot is.
@@ -137,7 +161,7 @@ class Posing:
         held = [role for role in self.held if self.roles[role] != link]
         options = IkOptions(
             hold=held,
-            balance=bool(self.balance and held),
+            balance=self.balance and any(role in self.feet for role in held),
             collisions=self.avoid_collisions and self.is_prepared,
             floor=0.0,
             base_motion="free",

@@ -34,7 +34,7 @@ BOOLEANS = {
         ("fixed_base", "paused", "use_sim_time", "respawn_gazebo"), ("true", "false")
     ),
     **dict.fromkeys(
-        ("ghost", "web", "read_only", "checks", "rviz", "loop"),
+        ("ghost", "web", "read_only", "checks", "interactive", "rviz", "loop"),
         ("true", "false", "1", "0"),
     ),
 }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -93,6 +93,21 @@ def whole_body_message(
     for part in (message.joint_trajectory, base):
         part.header.stamp = stamp or genpy.Time()
     return message
+
+
+def configuration_message(
+    positions: Mapping[str, float], base: np.ndarray
+) -> RobotTrajectory:
+    """Convert a configuration to command at once.
+
+    Args:
+        positions: Of joints in [rad] or [m], by name.
+        base: Pose of the base in the map, shape (7,).
+    """
+    values = np.array([[*positions.values()]], dtype=float)
+    place = base[np.newaxis]
+    motion = Motion(np.zeros(1), tuple(positions), values, base_poses=place)
+    return whole_body_message(motion)
 
 
 def motion_from_message(

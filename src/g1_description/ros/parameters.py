@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
 
 import rosgraph
 import rospy
@@ -29,6 +30,18 @@ def check_range(parameters, name, low, high):
     value = getattr(parameters, name)
     if not low <= value <= high:
         raise InvalidValueError(f"~{name} must be from {low} to {high} (got {value}).")
+
+
+def check_files(parameters, *names):
+    """Check that parameters are absolute paths, or empty.
+
+    Raises:
+        InvalidValueError: If one is not.
+    """
+    for name in names:
+        file = getattr(parameters, name)
+        if file and not Path(file).is_absolute():
+            raise InvalidValueError(f"~{name} must be an absolute path (got '{file}').")
 
 
 def read_parameters(kind, given=None):

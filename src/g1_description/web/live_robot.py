@@ -22,7 +22,6 @@ from sensor_msgs.msg import JointState
 
 from g1_description.bridge.parameters import RobotParameters, topic_of
 from g1_description.errors import InvalidValueError
-from g1_description.motion.motion import Motion
 from g1_description.msg import RobotTrajectory
 from g1_description.robot.assembly import WORLD, base_of
 from g1_description.robot.description import Description
@@ -31,7 +30,7 @@ from g1_description.ros.conversions import pose_from_array
 from g1_description.ros.lifecycle import quiet_when_closing
 from g1_description.ros.log import ThrottledLog
 from g1_description.ros.master import SERVICE_ERRORS
-from g1_description.ros.motion_messages import whole_body_message
+from g1_description.ros.motion_messages import configuration_message
 from g1_description.ros.playing import MotionClient, set_anchor
 from g1_description.ros.robot_states import RobotStates
 from g1_description.srv import GetAnchor, PlayMotion, SetAnchor
@@ -174,11 +173,8 @@ class LiveRobot:
 
     def command_all(self, positions: Mapping[str, float], base: np.ndarray) -> None:
         """Command positions of joints and the pose of the base in one message."""
-        values = np.array([[*positions.values()]], dtype=float)
-        place = base[np.newaxis]
-        motion = Motion(np.zeros(1), tuple(positions), values, base_poses=place)
         with quiet_when_closing():
-            self._motions.publish(whole_body_message(motion))
+            self._motions.publish(configuration_message(positions, base))
 
     def set_anchor(self, link: str) -> None:
         """Set the link that stays at its place while joints move.

@@ -8,7 +8,7 @@ from pathlib import Path
 from g1_description.bridge.parameters import BridgeParameters, RobotParameters
 from g1_description.checks.thresholds import Thresholds
 from g1_description.checks.thresholds_file import read_thresholds
-from g1_description.errors import InvalidValueError
+from g1_description.ros.parameters import check_files
 from g1_description.web.server.address import ServerOptions
 
 
@@ -64,12 +64,7 @@ class WebParameters:
 
     def __post_init__(self) -> None:
         """Check files."""
-        for name in ("thresholds", "collisions"):
-            file = getattr(self, name)
-            if file and not Path(file).is_absolute():
-                raise InvalidValueError(
-                    f"~{name} must be an absolute path (got '{file}')."
-                )
+        check_files(self, "thresholds", "collisions")
 
     @property
     def each_robot(self) -> tuple[RobotParameters, ...]:

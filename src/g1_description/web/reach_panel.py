@@ -16,7 +16,7 @@ from g1_description.bounds import MAX_VALUE
 from g1_description.errors import InvalidValueError
 from g1_description.ik.inverse_kinematics import IkResult
 from g1_description.ik.posing import Posing
-from g1_description.robot.poses import ZERO, fitting_poses
+from g1_description.robot.poses import fitting_poses
 from g1_description.robot.rotation import conjugate, rotate
 from g1_description.robot.state import RobotState
 from g1_description.web.controls import HELD, LEAST_NORM, PERIOD, JointPanel
@@ -102,7 +102,7 @@ class ReachPanel:
             self._pose = gui.add_dropdown(
                 "Pose",
                 fitting_poses(self._robot.description),
-                initial_value=self._standing_pose(),
+                initial_value=self.posing.standing_pose,
                 hint="of Reset, which stands the robot on the floor",
             )
             self._reset = gui.add_button(RESET)
@@ -128,12 +128,6 @@ class ReachPanel:
     def has_gizmos(self) -> bool:
         """Whether the gizmos are shown."""
         return bool(self._on.value)
-
-    def _standing_pose(self) -> str:
-        """Name the pose in which the robot stands."""
-        robot = self._robot.description
-        name = (robot.given_profile or robot.profile).standing_pose
-        return name if name in fitting_poses(robot) else ZERO
 
     def toggle(self) -> None:
         """Show the gizmos, or hide them."""

@@ -39,7 +39,7 @@ from g1_description.robot.poses import ZERO, check_pose, find_pose, read_poses
 from g1_description.robot.profile import DEFAULT, find_profile
 from g1_description.text import listed, similar_first
 
-SWITCHED = (("web", "web"), ("checker", "checks"))
+SWITCHED = (("web", "web"), ("checker", "checks"), ("interactive", "interactive"))
 """Nodes that an argument of a launch file enables, and the arguments."""
 
 QUESTIONS = frozenset(

@@ -1,0 +1,70 @@
+"""Posing by hand: what stays, and what a drag keeps to."""
+
+import numpy as np
+import pytest
+
+from g1_description import Robot
+from g1_description.ik.posing import Posing
+from g1_description.robot.state import RobotState
+
+BASE = np.array([0.0, 0.0, 0.7634, 0.0, 0.0, 0.0, 1.0])
+PELVIS, OTHER_HAND = "pelvis", "right_rubber_hand"
+
+
+@pytest.fixture(scope="module")
+def g1():
+    return Robot()
+
+
+@pytest.fixture
+def posing(g1):
+    """Give the posing of a robot that is at once where it is commanded."""
+    state = [RobotState(0, g1.joint_names, g1.pose("stand"), None, BASE)]
+
+    def command(positions, base):
+        values = np.array([*positions.values()])
+        state[0] = RobotState(0, tuple(positions), values, None, base)
+
+    one = Posing(g1.description, lambda: state[0], command)
+    one.places = lambda: one.link_poses(state[0])
+    return one
+
+
+def lowered(posing, steps=10):
+    """Drag the pelvis down by 5 cm."""
+    target = posing.places()[PELVIS].copy()
+    for _ in range(steps):
+        target[2] -= 0.05 / steps
+        found = posing.drag(PELVIS, target)
+    return found
+
+
+@pytest.mark.parametrize("is_held", [True, False])
+def test_any_link_can_be_held(posing, is_held):
+    before = posing.places()[OTHER_HAND]
+    posing.held |= {"right_hand"} if is_held else set()
+    assert lowered(posing).reached
+    stays = np.abs(posing.places()[OTHER_HAND] - before).max() < 1e-3
+    assert stays == is_held
+
+
+def test_a_held_hand_alone_supports_nothing(posing):
+    """Balance needs feet that are held; else it is not kept, and nothing is refused."""
+    posing.held = {"right_hand"}
+    before = posing.places()[OTHER_HAND]
+    assert lowered(posing).reached
+    np.testing.assert_allclose(posing.places()[OTHER_HAND], before, atol=1e-3)
+
+
+def test_links_are_dragged_by_their_centres(g1, posing):
+    """Head, torso and pelvis of the G1 have nearly the same origin."""
+    assert np.linalg.norm(posing.centers["head"]) > 0.3
+    pose, center = posing.places()["head_link"], posing.centers["head"]
+    target = np.concatenate([pose[:3] + center + [0.02, 0.0, -0.02], pose[3:]])
+    assert posing.drag("head", target, center).reached
+    found = posing.places()["head_link"]
+    np.testing.assert_allclose(found[:3] + center, target[:3], rtol=0, atol=1e-3)
+
+
+def test_the_standing_pose_is_that_of_the_profile(posing):
+    assert posing.standing_pose == "stand"
