@@ -101,6 +101,7 @@ def test_the_stand_in_is_the_default_and_rviz_needs_a_screen(launch):
     assert sorted(nodes(launch())) == alone
     assert "/rviz" in nodes(launch(display=":99"))
     assert "/checker" in nodes(launch("checks:=true"))
+    assert "/interactive" in nodes(launch("interactive:=true"))
 
 
 def test_gazebo_is_started_with_its_own_spawn_model(launch):
@@ -157,6 +158,7 @@ WRONG_ON_COMMAND_LINE = {
     "port:=99999": "port must be a whole number from 0 to 65535 (got '99999').",
     "ghost:=ja": "ghost must be true or false (got 'ja').",
     "web:=2": "web must be true or false (got '2').",
+    "interactive:=2": "interactive must be true or false (got '2').",
     "use_sim_time:=1": "use_sim_time must be true or false (got '1').",
     "motors:=my.yaml": "motors must be an absolute path (got 'my.yaml').",
     "collisions:=my.yaml": "collisions must be an absolute path (got 'my.yaml').",
@@ -390,8 +392,10 @@ def test_without_a_profile_each_node_finds_it(launch):
 
 def test_allowed_collisions_reach_checks_and_page(launch, profile):
     file = profile / "poses.yaml"
-    found = parameters(launch("checks:=true", "web:=true", f"collisions:={file}"))
-    assert found["/checker/collisions"] == found["/web/collisions"] == str(file)
+    switches = {"checker": "checks", "interactive": "interactive", "web": "web"}
+    wanted = [f"{switch}:=true" for switch in switches.values()]
+    found = parameters(launch(*wanted, f"collisions:={file}"))
+    assert {found[f"/{node}/collisions"] for node in switches} == {str(file)}
 
 
 def test_arguments_that_are_right_or_may_be_empty_are_taken(launch):
@@ -429,6 +433,8 @@ def test_two_robots_have_one_simulator_and_one_bridge(launch):
     assert {*nodes(launch(file="two_robots"))} == alike | {"/gazebo"}
     found = launch("sim:=gazebo", file="two_robots")
     assert {*nodes(found)} == alike | {"/gazebo", "/spawn_urdf"}
+    found = {*nodes(launch("interactive:=true", file="two_robots"))}
+    assert {"/left/interactive", "/right/interactive"} <= found
     told = refusal(launch, "physics:=holdd", file="two_robots")
     assert "Unknown physics 'holdd'" in told
 

@@ -294,6 +294,26 @@ def test_a_refusal_is_shown_at_the_marker(rviz):
     shown.close()
 
 
+def test_a_refused_pose_moves_nothing_and_the_marker_returns(rviz, world):
+    shown = Listener("/interactive/markers", MarkerArray)
+    hand, home = world.place(HAND), rviz.place("left_hand")
+    pose = deepcopy(rviz.markers["left_hand"].pose)
+    pose.position.x += 0.2
+    pose.orientation = Quaternion(0.0, 0.0, 0.0, 0.5)
+    rviz.send("left_hand", InteractiveMarkerFeedback.MOUSE_DOWN)
+    rviz.send("left_hand", InteractiveMarkerFeedback.POSE_UPDATE, pose)
+
+    def is_refused(message):
+        return any("quaternion" in marker.text for marker in message.markers)
+
+    shown.wait(is_refused, "a sentence on the quaternion")
+    wait_for(lambda: rviz.place("left_hand")[0] > home[0] + 0.1, "the marker")
+    rviz.send("left_hand", InteractiveMarkerFeedback.MOUSE_UP, pose)
+    wait_for(lambda: np.abs(rviz.place("left_hand") - home).max() < NEAR, "it again")
+    assert world.is_at(HAND, hand)
+    shown.close()
+
+
 def test_another_window_drags_while_time_stands_still(rviz, world):
     service("/gazebo/pause_physics", Empty)()
     try:

@@ -211,7 +211,8 @@ class InteractiveMarkers:
         place = self._shown.get(role) if target is None else target
         if text and place is not None:
             above = place[:3] + np.array([0.0, 0.0, SCALE])
-            canvas.text(MESSAGES, above, text.replace("; ", ";\n"), 0.035, ORANGE)
+            lines = text.replace(": ", ":\n").replace("; ", ";\n")
+            canvas.text(MESSAGES, above, lines, 0.035, ORANGE)
         if target is not None:
             link = self._links[self._posing.roles[role]]
             back = shift(-self._posing.centers[role])
