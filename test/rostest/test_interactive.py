@@ -10,6 +10,7 @@ import rospy
 import tf2_ros
 from g1_description.msg import RobotTrajectory
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
+from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 from std_srvs.srv import Empty
@@ -29,11 +30,17 @@ from visualization_msgs.msg import (
     MarkerArray,
 )
 
+from g1_description import Robot
+
 HAND, OTHER_HAND = "left_rubber_hand", "right_rubber_hand"
 FEET = ("left_ankle_roll_link", "right_ankle_roll_link")
 ELBOWS = ("left_elbow_joint", "right_elbow_joint")
 NEAR = 1e-3
 """[m]"""
+ROBOT = Robot().description
+CENTERS = {
+    link.name: link.inertial.center_of_mass for link in ROBOT.links if link.inertial
+}
 ROLES = {"pelvis", "torso", "head"}
 ROLES |= {f"{side}_{part}" for side in ("left", "right") for part in ("hand", "foot")}
 
@@ -124,14 +131,15 @@ class World:
         self._listener = tf2_ros.TransformListener(self._buffer)
         self._joints = Connected("/joint_states", JointState)
 
-    def place(self, frame):
-        """Give a link's place in the map, in [m]."""
+    def place(self, frame, point=(0.0, 0.0, 0.0)):
+        """Give the place of a link's point in the map, in [m]."""
         try:
             found = self._buffer.lookup_transform("map", frame, rospy.Time())
         except tf2_ros.TransformException:
             return np.full(3, np.nan)
-        p = found.transform.translation
-        return np.array([p.x, p.y, p.z])
+        p, q = found.transform.translation, found.transform.rotation
+        turned = Rotation.from_quat([q.x, q.y, q.z, q.w]).apply(point)
+        return np.array([p.x, p.y, p.z]) + turned
 
     def is_at(self, frame, place):
         return np.abs(self.place(frame) - place).max() < NEAR
@@ -145,9 +153,21 @@ class World:
         message = self._joints.wait()
         return np.array([position_of(message, joint) for joint in ELBOWS])
 
-    def wait_for_elbows(self, positions):
+    def wait_for_markers(self, rviz):
+        """Wait until all markers are at the centres of their links."""
+
         def are_there():
-            return np.abs(self.elbows() - positions).max() < 1e-6
+            return all(
+                np.abs(self.place(link, CENTERS[link]) - rviz.place(role)).max() < NEAR
+                for role, link in ROBOT.profile.links.items()
+                if role in ROLES
+            )
+
+        wait_for(are_there, "the markers on the links")
+
+    def wait_for_elbows(self, positions, tolerance=0.02):
+        def are_there():
+            return np.abs(self.elbows() - positions).max() < tolerance
 
         wait_for(are_there, f"elbows at {positions}")
 
@@ -224,6 +244,7 @@ def test_a_locked_link_stays_and_a_free_one_does_not(rviz, world):
     pelvis, hand = world.place("pelvis"), world.place(OTHER_HAND)
     rviz.drag("pelvis", down)
     world.wait_at("pelvis", pelvis + down)
+    world.wait_for_markers(rviz)
     assert world.is_at(OTHER_HAND, hand)
     rviz.switch("right_hand", "Lock")
     rviz.drag("pelvis", down)
@@ -236,15 +257,18 @@ def test_a_robot_is_mirrored_and_changes_are_undone(rviz, world):
     hand, by = world.place(HAND), np.array([0.15, 0.1, 0.2])
     rviz.drag("left_hand", by)
     world.wait_at(HAND, hand + by)
+    world.wait_for_markers(rviz)
     second = world.elbows()
     assert abs(second[0] - second[1]) > 0.1
     rviz.choose("head", "Mirror")
     world.wait_at(OTHER_HAND, (hand + by) * [1.0, -1.0, 1.0])
     world.wait_for_elbows(second[::-1])
+    world.wait_for_markers(rviz)
     rviz.choose("head", "Undo")
     world.wait_for_elbows(second)
+    world.wait_for_markers(rviz)
     rviz.choose("head", "Undo")
-    world.wait_for_elbows(first)
+    world.wait_for_elbows(first, 1e-6)
     rviz.choose("head", "Redo")
     world.wait_for_elbows(second)
 
@@ -253,12 +277,15 @@ def test_a_pose_is_taken_where_the_robot_stands(rviz, world):
     pelvis, by = world.place("pelvis"), np.array([0.03, 0.02, -0.1])
     rviz.drag("pelvis", by)
     world.wait_at("pelvis", pelvis + by)
+    world.wait_for_markers(rviz)
     rviz.choose("torso", "squat")
     low = pelvis[2] - 0.2
     wait_for(lambda: world.place("pelvis")[2] < low, "a robot that squats")
     np.testing.assert_allclose(world.place("pelvis")[:2], by[:2], atol=NEAR)
     rviz.choose("torso", "Undo")
-    world.wait_at("pelvis", pelvis + by)
+    wait_for(lambda: world.place("pelvis")[2] > low + 0.1, "a robot that stands up")
+    world.wait_for_markers(rviz)
+    np.testing.assert_allclose(world.place("pelvis"), pelvis + by, atol=2 * NEAR)
 
 
 def test_what_is_not_reached_is_shown_until_the_mouse_lets_go(rviz):
@@ -321,10 +348,7 @@ def test_another_window_drags_while_time_stands_still(rviz, world):
         rviz.drag("left_hand", by)
         world.wait_at(HAND, hand + by)
         other = Rviz("another")
-        goal = rviz.home["left_hand"] + by
-        wait_for(
-            lambda: np.abs(other.place("left_hand") - goal).max() < NEAR, "its marker"
-        )
+        world.wait_for_markers(other)
         other.drag("left_hand", -by)
         world.wait_at(HAND, hand)
         other.close()
