@@ -18,7 +18,7 @@ from support.ros_testing import (
     DEADLINE,
     Connected,
     Listener,
-    position_of,
+    NodeLog,
     program,
     service,
     wait_for,
@@ -37,7 +37,8 @@ FEET = ("left_ankle_roll_link", "right_ankle_roll_link")
 ELBOWS = ("left_elbow_joint", "right_elbow_joint")
 NEAR = 1e-3
 """[m]"""
-ROBOT = Robot().description
+G1 = Robot()
+ROBOT = G1.description
 CENTERS = {
     link.name: link.inertial.center_of_mass for link in ROBOT.links if link.inertial
 }
@@ -147,11 +148,16 @@ class World:
     def wait_at(self, frame, place):
         wait_for(lambda: self.is_at(frame, place), f"{frame} at {place}")
 
-    def elbows(self):
-        """Give the newest positions of the elbows in [rad]."""
+    def positions(self):
+        """Give the newest positions of all joints in [rad], by name."""
         self._joints.clear()
         message = self._joints.wait()
-        return np.array([position_of(message, joint) for joint in ELBOWS])
+        return dict(zip(message.name, message.position))
+
+    def elbows(self):
+        """Give those of the elbows."""
+        positions = self.positions()
+        return np.array([positions[joint] for joint in ELBOWS])
 
     def wait_for_markers(self, rviz):
         """Wait until all markers are at the centres of their links."""
@@ -283,7 +289,7 @@ def test_a_pose_is_taken_where_the_robot_stands(rviz, world):
     wait_for(lambda: world.place("pelvis")[2] < low, "a robot that squats")
     np.testing.assert_allclose(world.place("pelvis")[:2], by[:2], atol=NEAR)
     rviz.choose("torso", "Undo")
-    wait_for(lambda: world.place("pelvis")[2] > low + 0.1, "a robot that stands up")
+    wait_for(lambda: world.place("pelvis")[2] > low + 0.05, "a robot that stands up")
     world.wait_for_markers(rviz)
     np.testing.assert_allclose(world.place("pelvis"), pelvis + by, atol=2 * NEAR)
 
@@ -309,6 +315,19 @@ def test_what_is_not_reached_is_shown_until_the_mouse_lets_go(rviz):
         "the marker back on the hand",
     )
     shown.close()
+
+
+def test_links_keep_away_from_each_other_where_that_is_chosen(rviz, world):
+    log = NodeLog("/interactive")
+    rviz.switch("head", "Avoid collisions")
+    log.wait(lambda message: "shapes are prepared" in message.msg, "the shapes")
+    hand = world.place(HAND)
+    rviz.drag("left_hand", [0.1, -0.21, 0.1])  # where both hands collide
+    wait_for(lambda: world.place(HAND)[1] < hand[1] - 0.1, "the hand")
+    world.wait_for_markers(rviz)
+    assert len(G1.collisions(world.positions()).pair) == 0
+    rviz.switch("head", "Avoid collisions")
+    log.close()
 
 
 def test_a_refusal_is_shown_at_the_marker(rviz):

@@ -26,7 +26,7 @@ from visualization_msgs.msg import (
 from g1_description.checker.markers import KINDS, MarkerMaker
 from g1_description.checks.marks import ORANGE
 from g1_description.collisions.self_collisions import SelfCollisions
-from g1_description.errors import G1DescriptionError
+from g1_description.errors import G1DescriptionError, InvalidValueError
 from g1_description.ik.posing import Posing
 from g1_description.msg import RobotTrajectory
 from g1_description.robot.poses import fitting_poses
@@ -91,6 +91,9 @@ class InteractiveMarkers:
         Args:
             robot: The robot.
             make_collisions: Prepares its self-collisions, which may take seconds.
+
+        Raises:
+            InvalidValueError: If its profile names no links to drag.
         """
         self._robot, self._make_collisions = robot, make_collisions
         self._motion = rospy.Publisher(
@@ -100,6 +103,11 @@ class InteractiveMarkers:
             "~markers", MarkerArray, queue_size=10, latch=True
         )
         self._posing = Posing(robot.description, lambda: robot.state, self._command)
+        if not self._posing.roles:
+            raise InvalidValueError(
+                f"The profile of {robot.description.name} names no links to drag; see "
+                "links in docs/robots.md."
+            )
         self._links = {link.name: link for link in robot.description.links}
         self._log = ThrottledLog()
         self._todo: deque[tuple[str, str, Callable[[], object]]] = deque()
