@@ -16,6 +16,7 @@ from std_msgs.msg import Header
 from std_srvs.srv import Empty
 from support.ros_testing import (
     DEADLINE,
+    REPOSITORY,
     Connected,
     Listener,
     NodeLog,
@@ -375,18 +376,30 @@ def test_another_window_drags_while_time_stands_still(rviz, world):
         service("/gazebo/unpause_physics", Empty)()
 
 
-def test_without_the_package_the_node_says_how_to_get_it(tmp_path):
-    missing = "raise ModuleNotFoundError('No module', name='interactive_markers')\n"
-    (tmp_path / "interactive_markers.py").write_text(missing)
-    path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
+def output_of_node(*arguments, **changes):
+    """Run the node until it ends by itself with an error; give what it says."""
     run = subprocess.run(
-        [program("interactive.py"), "__name:=without"],
-        env={**os.environ, "PYTHONPATH": path},
+        [program("interactive.py"), *arguments],
+        env={**os.environ, **changes},
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
         timeout=DEADLINE,
     )
     assert run.returncode == 1
-    assert "python3-interactive-markers on Debian" in run.stdout
     assert "Traceback" not in run.stdout
+    return run.stdout
+
+
+def test_without_the_package_the_node_says_how_to_get_it(tmp_path):
+    missing = "raise ModuleNotFoundError('No module', name='interactive_markers')\n"
+    (tmp_path / "interactive_markers.py").write_text(missing)
+    path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
+    said = output_of_node("__name:=without", PYTHONPATH=path)
+    assert "python3-interactive-markers on Debian" in said
+
+
+def test_a_robot_without_links_in_its_profile_is_refused():
+    urdf = (REPOSITORY / "test" / "data" / "five_links.urdf").read_text()
+    rospy.set_param("/other/robot_description", urdf)
+    assert "names no links to drag" in output_of_node("__ns:=/other")
