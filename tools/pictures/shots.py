@@ -29,6 +29,10 @@ hide labels."""
 TITLE = "g1_29dof"
 """What the panel's head says; it folds the panel."""
 
+FOREARM = (452, 365), (475, 510)
+"""Where the left forearm of the standing robot is in the picture, and where it is
+dragged, in [px]."""
+
 GAP, GREY = 24, 208
 """Between two pictures, in [px], and its colour."""
 
@@ -60,6 +64,26 @@ def _robot(page: Page) -> None:
     page.toggle_folder("Left arm")
     page.slider("left_shoulder_pitch").type(-1.1)
     page.slider("left_elbow").type(0.3)
+
+
+def _reach(page: Page) -> None:
+    """Drag the left forearm to the floor with the mouse, between two keyframes."""
+    page.toggle_folder("Reach")
+    page.toggle_folder("Keyframes")
+    page.press("Reset")
+    page.still(TIMEOUT)
+    page.raw.keyboard.press("k")
+    page.raw.keyboard.press("g")
+    page.still(TIMEOUT)
+    mouse, ((x, y), (to_x, to_y)) = page.raw.mouse, FOREARM
+    mouse.move(x, y)
+    mouse.down()
+    for share in np.linspace(0.1, 1.0, 10):
+        mouse.move(x + share * (to_x - x), y + share * (to_y - y))
+        page.still(TIMEOUT)
+    mouse.up()
+    page.raw.keyboard.press("k")
+    page.still(TIMEOUT)
 
 
 def _motion(page: Page) -> None:
@@ -105,6 +129,7 @@ SHOTS = {
         times=tuple(np.arange(1.0, 3.6, 0.1)),
     ),
     "robot": Shot("browser.png", (), _robot),
+    "reach": Shot("browser_reach.png", (), _reach),
     "motion": Shot("browser_motion.png", ("--motion", "faulty.csv"), _motion),
     "compare": Shot(
         "browser_compare.png", ("--compare", "squat.csv", "faulty.csv"), _compare

@@ -176,7 +176,7 @@ class ReachPanel:
         if not self._is_dragged(role):
             self.posing.end_drag()
         self._dragged_at[role] = time.monotonic()
-        found = self._move(role, pose)
+        found = self._move(role, pose, self.posing.centers[role])
         self._show_ghost(role, found is not None and not found.reached)
 
     def _move(
@@ -228,10 +228,11 @@ class ReachPanel:
         if is_on and role not in self._ghosts:
             link = self.posing.roles[role]
             patches, _ = link_patches(self._robot.description)
+            center = self.posing.centers[role].astype(np.float32)
             self._ghosts[role] = [
                 self._scene.add_mesh_simple(
                     f"{self._gizmos[role].name}/target_{number}",
-                    patch.vertices,
+                    patch.vertices - center,
                     patch.faces,
                     color=rgb(TARGET),
                     opacity=TARGET[3],
@@ -281,11 +282,12 @@ class ReachPanel:
                 self._put(role, self._gizmos[role], poses[link])
 
     def _put(self, role: str, gizmo: TransformControlsHandle, pose: np.ndarray) -> None:
-        """Put a gizmo on its link."""
+        """Put a gizmo at the centre of its link."""
         # A person's value is another array, and may not have been heard yet.
         if gizmo.wxyz is self._turns[role]:
             self._show_ghost(role, False)
-            gizmo.position = pose[:3]
+            center = rotate(pose[3:], self.posing.centers[role])
+            gizmo.position = pose[:3] + center
             gizmo.wxyz = np.array(wxyz(pose))
 
 
