@@ -141,7 +141,7 @@ def slider_of(page, folder, label):
 def take(page, pose):
     """Press the button of a pose."""
     page.open_tab("Robot")
-    page.raw.get_by_text(pose, exact=True).click()
+    page.press(pose)
 
 
 @pytest.fixture
