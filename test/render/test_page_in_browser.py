@@ -91,7 +91,9 @@ def matrices(page, links, time):
 
 def as_matrices(poses):
     found = np.tile(np.eye(4), (len(poses), 1, 1))
-    found[:, :3, :3] = Rotation.from_quat(poses[:, 3:]).as_matrix()
+    turns = Rotation.from_quat(poses[:, 3:])
+    for column, axis in enumerate(np.eye(3)):
+        found[:, :3, column] = turns.apply(axis)
     found[:, :3, 3] = poses[:, :3]
     return found
 

@@ -259,9 +259,18 @@ class IkSolver:
         return rates, ((corners - center) * normals).sum(axis=1) - margin
 
     @cached_property
-    def _outlines(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Points around each link in its frame, and the radii around them."""
-        return [outlines(link) for link in self._links]
+    def _outlines(self) -> list[list[tuple[np.ndarray, np.ndarray]]]:
+        """Points around each link in its frame, and the radii around them, by octant.
+
+        With only the lowest point of all, steps would rock a foot from heel to toe.
+        """
+        found = []
+        for link in self._links:
+            points, radii = outlines(link)
+            octants = (points > points.mean(axis=0)) @ [1, 2, 4]
+            each = [octants == number for number in np.unique(octants)]
+            found.append([(points[one], radii[one]) for one in each])
+        return found
 
     def _heights(
         self, floor: float, links: Sequence[int], jacobians: Jacobians
@@ -269,15 +278,15 @@ class IkSolver:
         """Compute rates and room of links towards the floor."""
         rows, lowest, room = [], [], []
         for row in links:
-            points, radii = self._outlines[row]
             pose = jacobians.link_poses[row]
             up = rotate(conjugate(pose[3:]), np.array([0.0, 0.0, 1.0]))
-            heights = pose[2] + points @ up - radii
-            point = int(np.argmin(heights))
-            if heights[point] < floor + INFLUENCE:
-                rows.append(row)
-                lowest.append(pose[:3] + rotate(pose[3:], points[point]))
-                room.append(heights[point] - floor)
+            for points, radii in self._outlines[row]:
+                heights = pose[2] + points @ up - radii
+                point = int(np.argmin(heights))
+                if heights[point] < floor + INFLUENCE:
+                    rows.append(row)
+                    lowest.append(pose[:3] + rotate(pose[3:], points[point]))
+                    room.append(heights[point] - floor)
         places = np.array(lowest).reshape(-1, 3)
         rates = -jacobians.of_points(np.array(rows, dtype=int), places)[:, 2]
         return rates, np.array(room)
