@@ -15,6 +15,16 @@ from g1_description.ik.inverse_kinematics import InverseKinematics
 from g1_description.ik.keyframes import PASS, PERIOD, STOP, Keyframe, keyframe_motion
 from g1_description.ik.solver import IkSolver
 
+SLIDER = """
+<robot name="slider">
+  <link name="rail"/><link name="cart"/>
+  <joint name="x" type="prismatic">
+    <parent link="rail"/><child link="cart"/><axis xyz="1 0 0"/>
+    <limit lower="-1" upper="1" effort="1" velocity="0.5"/>
+  </joint>
+</robot>
+"""
+
 FEET = ("left_ankle_roll_link", "right_ankle_roll_link")
 BASE = np.array([0.0, 0.0, 0.7634, 0.0, 0.0, 0.0, 1.0])
 
@@ -133,6 +143,21 @@ def test_what_is_no_motion_is_refused(g1, times, problem):
     frames = [Keyframe(t, g1.pose("stand"), BASE) for t in times]
     with pytest.raises(InvalidValueError, match=problem):
         through(g1, frames)
+
+
+def test_keyframes_beyond_limits_and_joints_without_speeds_make_no_endless_motion(g1):
+    stand = g1.pose("stand")
+    beyond = stand.copy()
+    beyond[3] = g1.upper[3] + 0.5
+    frames = [Keyframe(0.0, stand, BASE), Keyframe(1.0, beyond, BASE)]
+    made = through(g1, frames)
+    assert made.times == (0.0, 1.0)
+    assert made.motion.positions[-1, 3] == pytest.approx(g1.upper[3])
+    still = Robot(SLIDER.replace('velocity="0.5"', 'velocity="0"'))
+    ends = [Keyframe(t, np.array([t]), BASE) for t in (0.0, 1.0)]
+    made = through(still, ends, feet=())
+    assert made.times == (0.0, 1.0)
+    assert made.motion.duration == pytest.approx(1.0)
 
 
 @settings(max_examples=15)

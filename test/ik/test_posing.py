@@ -39,6 +39,31 @@ def lowered(posing, steps=10):
     return found
 
 
+def test_steps_are_undone_before_the_state_has_followed(g1):
+    sent = []
+    state = RobotState(0, g1.joint_names, g1.pose("stand"), None, BASE)
+    one = Posing(
+        g1.description, lambda: state, lambda q, base: sent.append(q["waist_yaw_joint"])
+    )
+    for angle in (0.1, 0.2, 0.3):
+        positions = g1.positions({"waist_yaw_joint": angle})
+        one.go((positions, BASE))
+    one.undo()
+    one.undo()
+    one.redo()
+    assert sent[-3:] == pytest.approx([0.2, 0.1, 0.2])
+
+
+def test_a_robot_that_hangs_below_the_map_is_dragged(g1):
+    """As with odometry that starts at the pelvis."""
+    base = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+    state = [RobotState(0, g1.joint_names, g1.pose("stand"), None, base)]
+    one = Posing(g1.description, lambda: state[0], lambda *_: None)
+    hand = one.link_poses(state[0])["left_rubber_hand"].copy()
+    hand[:3] += [0.03, 0.0, 0.03]
+    assert one.drag("left_hand", hand).reached
+
+
 @pytest.mark.parametrize("is_held", [True, False])
 def test_any_link_can_be_held(posing, is_held):
     before = posing.places()[OTHER_HAND]

@@ -174,12 +174,25 @@ def test_motions_and_poses_are_saved(g1, shown, browser, tmp_path):
     np.testing.assert_allclose(saved.positions, motion.positions, atol=1e-6)
     np.testing.assert_allclose(saved.base_poses, motion.base_poses, atol=1e-6)
     content = file.read_bytes()
-    browser.set("Save", "Motion")  # once more: refused
+    browser.set("Save", "Motion")  # once more
+    refused = "lift.csv already exists"
+    browser.wait_for(lambda: refused in str(browser.elements), "a refusal")
     browser.set("Save", "Poses")
     wait_for(lambda: "lift_2" in read_poses(g1.description), "the poses")
     assert file.read_bytes() == content
     pose = read_poses(g1.description)["lift_2"]
     assert pose.positions["left_elbow_joint"] == pytest.approx(-0.8)
+
+
+def test_a_deleted_motion_is_not_saved(shown, browser, tmp_path):
+    opened(shown, 2, 1.0)
+    browser.set("Keyframe", "Delete")
+    browser.wait_for(lambda: browser.value("Selected") == "1 at 0.00 s", "one left")
+    browser.set("Save as", "gone")
+    browser.set("Save", "Motion")
+    sentence = "There is no motion"
+    browser.wait_for(lambda: sentence in str(browser.elements), "a sentence")
+    assert not (tmp_path / "g1_description" / "motions").exists()
 
 
 def test_keys_play_step_and_take(shown, browser):

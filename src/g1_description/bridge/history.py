@@ -176,11 +176,11 @@ class Efforts:
         found = publishers.get(self._topic, [])
         if not self._statuses or found == self._publishers:
             return
-        self._publishers = found
         physics = rospy.get_param(f"{self._gazebo}/physics", "kinematic")
         if self._subscriber is not None:
             self._subscriber.unregister()
             self._subscriber = None
+        self._publishers = found
         if found and physics != "kinematic":
             self._subscriber = rospy.Subscriber(
                 self._topic,
@@ -198,9 +198,9 @@ class Efforts:
         known = dict(zip(message.joint_names, message.tau))
         efforts = [known.get(name, np.nan) for name in status.state.names]
         stamp = message.header.stamp.to_nsec()
-        status.history.add_efforts(stamp, np.array(efforts))
-        if stamp >= status.stamp:
+        if stamp >= status.stamp:  # their state may still come
             time.sleep(PAUSE)  # then several are read at once, for half the time
+        status.history.add_efforts(stamp, np.array(efforts))
 
 
 def joints_text(names: Sequence[str]) -> str:

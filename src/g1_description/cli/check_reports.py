@@ -104,7 +104,8 @@ class Reports:
             with self._going_on():
                 write_whole(self._pictures[task.number], outcome.plot)
         if self._kept and outcome.scene:
-            self._motion(task.number).write_text(outcome.scene)
+            with self._going_on():
+                write_text(str(self._motion(task.number)), outcome.scene)
 
     def write(
         self, outcomes: Mapping[int, FileResult], not_done: int, robot: Description

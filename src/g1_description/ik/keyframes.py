@@ -31,6 +31,9 @@ SPEED_SHARE = 0.99
 MOST_CHANGES = 10
 """How often times are lengthened for velocity limits."""
 
+LEAST_GAIN = 0.95
+"""Factor by which velocities must fall if times are to be lengthened again."""
+
 
 class Keyframe(NamedTuple):
     """A configuration at a time."""
@@ -39,7 +42,7 @@ class Keyframe(NamedTuple):
     """In [s]."""
 
     positions: np.ndarray
-    """Of the joints in [rad] or [m], shape (n_joints,)."""
+    """Of the joints in [rad] or [m], shape (n_joints,); clipped to the limits."""
 
     base: np.ndarray
     """Pose of the base link in the map, shape (7,)."""
@@ -85,13 +88,15 @@ def keyframe_motion(
         raise InvalidValueError("The times of keyframes must increase.")
     between = _Between(robot, inverse, feet, keyframes, way)
     counts = np.maximum(1, np.round(durations / PERIOD)).astype(int)
+    motion, before = between.motion(counts), np.inf
     for _ in range(MOST_CHANGES):
-        motion = between.motion(counts)
         excess = between.excess(motion, counts)
-        if not (excess > 1.0).any():
+        if not (excess > 1.0).any() or excess.max() > LEAST_GAIN * before:
             break
+        before = excess.max()
         more = np.ceil(counts * np.maximum(excess, 1.0)).astype(int)
         counts = np.where(excess > 1.0, np.maximum(more, counts + 1), counts)
+        motion = between.motion(counts)
     times = PERIOD * np.concatenate([[0], np.cumsum(counts)])
     return KeyframeMotion(motion, tuple(times.tolist()))
 
@@ -112,9 +117,11 @@ class _Between:
         self._names = tuple(joint.name for joint in joints)
         self._lower = np.array([joint.lower for joint in joints])
         self._upper = np.array([joint.upper for joint in joints])
-        self._speed = SPEED_SHARE * np.array([joint.velocity for joint in joints])
+        speed = np.array([joint.velocity for joint in joints])
+        self._speed = SPEED_SHARE * np.where(speed > 0.0, speed, np.inf)
         bases = _continuous(np.array([frame.base for frame in keyframes]))
-        positions = np.array([frame.positions for frame in keyframes])
+        given = np.array([frame.positions for frame in keyframes])
+        positions = np.clip(given, self._lower, self._upper)
         self._values = np.concatenate([positions, bases], axis=1)
         roots = compose(bases, root_in_base(robot))
         links = [name for name in robot.link_names if name in inverse.links]
@@ -168,8 +175,8 @@ class _Between:
         options = IkOptions(
             hold=(), base_motion="free", weights=dict.fromkeys(targets, np.inf)
         )
-        positions = np.clip(value[:n_joints], self._lower, self._upper)
-        found = self._inverse.solve(targets, positions, value[n_joints:], options, 1)
+        positions, base = value[:n_joints], value[n_joints:]
+        found = self._inverse.solve(targets, positions, base, options, 1)
         value[:n_joints], value[n_joints:] = found.positions, found.base
 
 

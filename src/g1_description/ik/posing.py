@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import Tuple
 
@@ -32,13 +33,16 @@ from g1_description.robot.poses import (
 )
 from g1_description.robot.state import RobotState
 from g1_description.robot.transform import compose
-from g1_description.sim.standing import standing_base
+from g1_description.sim.standing import lowest_height, standing_base
 
 IMU = "imu"
 """The only role of a profile whose link is not dragged."""
 
 MAX_UNDO = 100
 """Number of changes that can be undone."""
+
+LAG = 0.5
+"""Longest time from a command to the state that has it, in [s]."""
 
 Placed = Tuple[np.ndarray, np.ndarray]
 """Positions of joints, in the order of the robot, and the pose of its base."""
@@ -89,6 +93,11 @@ class Posing:
         self._begin: Placed | None = None
         """Where the robot was when the present drag began."""
         self._now: Placed | None = None
+        self._floor = 0.0
+        """Height below which no link gets in this drag: that of the map, or lower where
+        the robot is lower."""
+        self._sent: tuple[Placed, float] | None = None
+        """What was commanded last, and when, in [s]."""
         self._undone: list[Placed] = []
         self._past: list[Placed] = []
 
@@ -157,13 +166,15 @@ class Posing:
         if self._begin is None or self._now is None:
             self._begin = self._now = self.place()
             self._remember(self._begin)
+            lowest = lowest_height(self._description, self._as_motion(self._begin))
+            self._floor = min(0.0, lowest)
         link = self.roles.get(name, name)
         held = [role for role in self.held if self.roles[role] != link]
         options = IkOptions(
             hold=held,
             balance=self.balance and any(role in self.feet for role in held),
             collisions=self.avoid_collisions and self.is_prepared,
-            floor=0.0,
+            floor=self._floor,
             base_motion="free",
             points={} if point is None else {name: point},
         )
@@ -180,7 +191,19 @@ class Posing:
     def _command(self, placed: Placed) -> None:
         """Command a configuration."""
         positions, base = placed
+        self._sent = placed, time.monotonic()
         self._send(dict(zip(self._names, positions.tolist())), base)
+
+    def _present(self) -> Placed:
+        """Return where the robot is, or will be at once."""
+        if self._sent is not None and time.monotonic() < self._sent[1] + LAG:
+            return self._sent[0]
+        return self.place()
+
+    def _as_motion(self, placed: Placed) -> Motion:
+        """Return a configuration as a motion of one sample."""
+        positions, base = placed
+        return Motion(np.zeros(1), self._names, positions[None], base_poses=base[None])
 
     def _remember(self, placed: Placed) -> None:
         """Let a change be undone."""
@@ -195,7 +218,7 @@ class Posing:
         Raises:
             InvalidValueError: If the state of the robot is unknown.
         """
-        self._remember(self.place())
+        self._remember(self._present())
         self.end_drag()
         self._command(placed)
 
@@ -219,7 +242,7 @@ class Posing:
         """Move from one list of configurations to the other."""
         if not source:
             raise InvalidValueError(f"There is nothing to {what}.")
-        other.append(self.place())
+        other.append(self._present())
         self.end_drag()
         self._command(source.pop())
 
@@ -229,11 +252,7 @@ class Posing:
         Raises:
             G1DescriptionError: If the robot is not symmetric.
         """
-        positions, base = self.place()
-        motion = Motion(
-            np.zeros(1), self._names, positions[None], None, base_poses=base[None]
-        )
-        other = mirrored(motion, self._description)
+        other = mirrored(self._as_motion(self._present()), self._description)
         by_name = dict(zip(other.joint_names, other.positions[0].tolist()))
         assert other.base_poses is not None
         turned = np.array([by_name[name] for name in self._names])

@@ -324,7 +324,7 @@ class InteractiveMarkers:
             shapes = self._make_collisions()
         except G1DescriptionError as error:
             rospy.logerr("Collisions cannot be avoided: %s", error)
-            switch = partial(self._switch, "avoid_collisions")
+            switch = partial(setattr, self._posing, "avoid_collisions", False)
             self._post("", partial(self._choose, switch))
             return
         self._post("", partial(self._posing.prepare, shapes))

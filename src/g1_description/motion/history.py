@@ -94,7 +94,8 @@ class History:
             efforts: In [N m] or [N], shape (n_joints,), like ``RobotState.efforts``.
         """
         with self._lock:
-            for chunk in list(self._unpacked)[:-3:-1]:
+            newest = [c for c in self._unpacked if c.run == self.run]
+            for chunk in newest[:-3:-1]:
                 for row in range(len(chunk.states) - 1, -1, -1):
                     state = chunk.states[row]
                     if state.stamp == stamp and len(state.names) == len(efforts):

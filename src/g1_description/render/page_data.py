@@ -30,6 +30,9 @@ MAX_TRIANGLES = 90_000
 MAX_SAMPLES = 20_000
 """Samples of a motion, and of a line; of more every second, third ... is taken."""
 
+FEW = 100
+"""Number of triangles of a patch up to which all are kept."""
+
 STEPS = 65_535
 """Steps of quantized coordinates over the extent of a patch."""
 
@@ -98,17 +101,18 @@ def _joint(joint: Joint, rows: dict[str, int]) -> dict[str, Any]:
 def _patch(patch: Patch, fraction: float) -> dict[str, Any]:
     """Quantize a patch, with about a fraction of its triangles."""
     vertices, faces = patch.vertices, patch.faces
-    if fraction < 1.0:
+    if fraction < 1.0 and len(faces) > FEW:
         import fast_simplification  # few robots need it
 
         # Triangles without area, such as those at the poles of a ball, make spikes.
         is_triangle = (np.diff(np.sort(faces, axis=1), axis=1) > 0).all(axis=1)
-        vertices, faces = fast_simplification.simplify(
+        simpler = fast_simplification.simplify(
             vertices,
             faces[is_triangle].astype(np.int32),
             target_reduction=1.0 - fraction,
             agg=5,
         )
+        vertices, faces = simpler if len(simpler[1]) else (vertices, faces)
     corner, extent = vertices.min(axis=0), np.ptp(vertices, axis=0)
     step = np.where(extent > 0.0, extent, 1.0) / STEPS
     return {

@@ -26,7 +26,8 @@ from g1_description.motion.motion import Motion
 from g1_description.robot.poses import (
     Pose,
     check_name,
-    fitting_poses,
+    read_file,
+    read_poses,
     save_pose,
     user_file,
 )
@@ -240,10 +241,12 @@ class KeyframesPanel:
     def _make(self) -> None:
         """Make the motion through the keyframes, which takes a while."""
         self._n_changes += 1
+        self._made = None
         self._tell("")
         if len(self.frames) > 1:
-            act = partial(self._through, self._n_changes, [*self.frames])
-            self._ui.wait_for(act, self._open)
+            number = self._n_changes
+            act = partial(self._through, number, [*self.frames])
+            self._ui.wait_for(act, partial(self._open, number))
 
     def _through(self, number: int, frames: list[Keyframe]) -> KeyframeMotion | None:
         """Make the motion, unless keyframes have changed since."""
@@ -252,12 +255,11 @@ class KeyframesPanel:
         robot, way = self._robot.description, str(self._way.value)
         if self._inverse is None:
             self._inverse = InverseKinematics(robot, IkSolver(robot))
-        made = keyframe_motion(robot, self._inverse, self._feet, frames, way)
-        return made if number == self._n_changes else None
+        return keyframe_motion(robot, self._inverse, self._feet, frames, way)
 
-    def _open(self, made: KeyframeMotion | None) -> None:
-        """Open the motion: its time line and its checks."""
-        if made is None:
+    def _open(self, number: int, made: KeyframeMotion | None) -> None:
+        """Open the motion, unless keyframes have changed: its time line and checks."""
+        if made is None or number != self._n_changes:
             return
         asked = [frame.time for frame in self.frames]
         slow = [n for n, (a, b) in enumerate(zip(asked, made.times)) if b - a > 1e-6]
@@ -290,7 +292,9 @@ class KeyframesPanel:
         check_name(name)
         if what == MOTION:
             if self._made is None:
-                raise InvalidValueError("A motion needs at least two keyframes.")
+                raise InvalidValueError(
+                    "There is no motion: take two keyframes, or wait until it is made."
+                )
             file = folder() / f"{name}.csv"
             if file.exists():
                 raise InvalidValueError(f"{file} already exists: choose another name.")
@@ -301,7 +305,10 @@ class KeyframesPanel:
         if not self.frames:
             raise InvalidValueError("There is no keyframe: take one first.")
         names = [f"{name}_{number}" for number in range(1, len(self.frames) + 1)]
-        taken = [n for n in names if n in fitting_poses(self._robot.description)]
+        file = user_file()
+        used = {*read_poses(self._robot.description)}
+        used |= {*read_file(file)} if file.exists() else set()
+        taken = [one for one in names if one in used]
         if taken:
             raise InvalidValueError(
                 f"The pose {taken[0]} already exists: choose another name."

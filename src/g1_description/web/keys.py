@@ -31,13 +31,16 @@ class Key(NamedTuple):
     act: Callable[[], object]
 
 
-def keys_of(motion: MotionPanel, view: ViewPanel, shown: Shown) -> list[Key]:
+def keys_of(
+    motion: MotionPanel, view: ViewPanel, shown: Shown, has_library: bool
+) -> list[Key]:
     """List the keys of a page.
 
     Args:
         motion: Plays the motion.
         view: Follows the robot.
         shown: The first robot.
+        has_library: Whether the page has a list of motions, whose key is K, too.
     """
     keys = [
         Key("space", None, "Space", "play, or pause", motion.toggle),
@@ -47,8 +50,9 @@ def keys_of(motion: MotionPanel, view: ViewPanel, shown: Shown) -> list[Key]:
     ]
     reach, keyframes = shown.reach, shown.keyframes
     if reach is not None and keyframes is not None:
+        take = Key("K", None, "K", "take a keyframe", lambda: keyframes.change(TAKE))
+        keys += [] if has_library else [take]
         keys += [
-            Key("K", None, "K", "take a keyframe", lambda: keyframes.change(TAKE)),
             Key("G", None, "G", "show gizmos, or hide them", reach.toggle),
             Key("Z", "cmd/ctrl", "Ctrl+Z", "undo", lambda: reach.change(UNDO)),
             Key(

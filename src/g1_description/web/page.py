@@ -151,7 +151,9 @@ class Page:
             self._view = ViewPanel(gui, self.ui, self._stage, bodies, *known)
             if world.can_arrange:
                 self._add_arrangement()
-            add_keys(gui, self.ui, keys_of(self.motion, self._view, self._shown[0]))
+            has_library = self._library is not None
+            keys = keys_of(self.motion, self._view, self._shown[0], has_library)
+            add_keys(gui, self.ui, keys)
         with tabs.add_tab("Plots"):
             robots = [shown.robot for shown in self._shown]
             self._plots = PlotPanel(gui, self.ui, robots)

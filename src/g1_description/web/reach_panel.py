@@ -16,6 +16,7 @@ from g1_description.bounds import MAX_VALUE
 from g1_description.errors import InvalidValueError
 from g1_description.ik.inverse_kinematics import IkResult
 from g1_description.ik.posing import Posing
+from g1_description.robot.assembly import WORLD
 from g1_description.robot.poses import fitting_poses
 from g1_description.robot.rotation import conjugate, rotate
 from g1_description.robot.state import RobotState
@@ -211,7 +212,7 @@ class ReachPanel:
         if phase == "start":
             self.posing.end_drag()
             state = self._robot.state()
-            if state is None or state.base_pose is None:
+            if state is None or state.base_pose is None or link == WORLD:
                 return
             pose = self.posing.link_poses(state)[link]
             point = rotate(conjugate(pose[3:]), place - pose[:3])

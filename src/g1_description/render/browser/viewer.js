@@ -104,7 +104,8 @@ class Viewer {
     this.play(false);
     if (cause.plot) this.plot(cause.plot);
     this.show(cause.time);
-    const points = this.balls(cause.time, cause).map(({ center }) => center);
+    const poses = this.motion.poses(cause.time);
+    const points = this.balls(poses, cause.time, cause).map(({ center }) => center);
     const root = this.motion.root(cause.time);
     if (!points.length || !this.camera) return;
     const [x, y] = [0, 1].map((n) => points.reduce((sum, point) => sum + point[n], 0) / points.length - root[n]);
@@ -154,7 +155,7 @@ class Viewer {
     if (!motion.isSingle) this.chart.draw(motion, time);
     if (!this.scene) return;
     this.poses = motion.poses(time);
-    const balls = motion.causes.flatMap((cause) => this.balls(time, cause));
+    const balls = motion.causes.flatMap((cause) => this.balls(this.poses, time, cause));
     const now = motion.causes.flatMap((cause) => cause.findings).filter((found) => motion.isAt(found, time));
     const root = motion.root(time);
     const target = this.camera.target.map((value, n) => value + (n < 2 ? root[n] : 0));
@@ -163,9 +164,8 @@ class Viewer {
   }
 
   /** The balls of a cause's findings at a time; the first one has the label. */
-  balls(time, cause) {
+  balls(poses, time, cause) {
     const { motion, robot } = this;
-    const poses = this.poses && time === this.time ? this.poses : motion.poses(time);
     const found = cause.findings.filter((finding) => motion.isAt(finding, time)).flatMap((finding) => {
       const color = finding.failed ? RED : ORANGE;
       const about = { label: finding.label, failed: finding.failed, color };
