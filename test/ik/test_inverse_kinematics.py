@@ -385,6 +385,14 @@ def test_a_path_that_is_too_fast_lags_and_catches_up():
         ({"targets": {"left_hand": [0, 0, np.nan]}}, "target of left_hand must be"),
         ({"targets": {"left_hand": "up"}}, "target of left_hand must be a position"),
         ({"targets": {"left_hand": [0] * 7}}, "quaternion of left_hand must have len"),
+        (
+            {"targets": {"left_hand": [300, 0, 1]}},
+            "300 m from the robot: targets are in",
+        ),
+        (
+            {"targets": {"left_hand": [1e30, 0, 0]}},
+            "target of left_hand is 1e.30 m from",
+        ),
         ({"hold": ["foot"]}, "Unknown link 'foot'"),
         ({"hold": [], "balance": True}, "Balance needs links that stand on the floor"),
         ({"targets": [0.4, 0.2, 0.4]}, "targets must be a dictionary by link"),

@@ -179,6 +179,7 @@ def test_motions_and_poses_are_saved(g1, shown, browser, tmp_path):
     browser.wait_for(lambda: refused in str(browser.elements), "a refusal")
     browser.set("Save", "Poses")
     wait_for(lambda: "lift_2" in read_poses(g1.description), "the poses")
+    browser.wait_for(lambda: "lift_2" in browser.element("Take")["options"], "a button")
     assert file.read_bytes() == content
     pose = read_poses(g1.description)["lift_2"]
     assert pose.positions["left_elbow_joint"] == pytest.approx(-0.8)

@@ -243,6 +243,25 @@ def test_changes_are_undone_and_done_again(g1, panel, robot, clock):
         panel.change(step)
 
 
+def test_a_drag_is_one_change_however_long_the_mouse_rests(panel, robot, clock):
+    first = robot.state()
+    panel._hold("left_hand", True)
+    for _ in range(3):
+        drag(panel, "left_hand", [0.03, 0.0, 0.0])
+        clock.now += 5.0
+        panel.follow(robot.state())
+    panel._hold("left_hand", False)
+    last = robot.state()
+    panel._hold("left_hand", True)  # at once
+    drag(panel, "left_hand", [0.03, 0.0, 0.0])
+    panel._hold("left_hand", False)
+    for wanted in (last, first):
+        panel.change("Undo")
+        np.testing.assert_allclose(
+            robot.state().positions, wanted.positions, atol=1e-12
+        )
+
+
 def test_a_mirrored_robot_has_its_hands_exchanged(g1, panel, robot):
     drag(panel, "left_hand", [0.1, 0.1, 0.2])
     before = places(g1, robot)

@@ -35,10 +35,10 @@ class CheckerParameters:
     """Frame of the floor, which is at z = 0."""
 
     thresholds: str = ""
-    """YAML file of thresholds; empty: ``config/checks.yaml``."""
+    """File of thresholds; empty: ``config/checks.yaml``."""
 
     collisions: str = ""
-    """YAML file of [allowed collisions](checks.md#allowed-pairs); empty: that of the
+    """File of [allowed collisions](checks.md#allowed-pairs); empty: that of the
     robot's [profile](robots.md), or what is found."""
 
     visual_hulls: bool = True

@@ -135,6 +135,9 @@ ABOVE = 0.004
 
 UP = np.array([0.0, 0.0, 1.0])
 
+ROUNDING = 1e-9
+"""Excess of a position over a limit that is no more than rounding, in [rad] or [m]."""
+
 BALANCE, SUPPORT, LIMITS = "centre of mass", "support polygon", "joint limits"
 LABELS = "labels"
 """Namespaces of the marks other than findings."""
@@ -182,6 +185,7 @@ def _near_limits(
         above, below = joint.upper - position, position - joint.lower
         room, bound = min((above, "upper"), (below, "lower"))
         if room < min(limit_margin, 0.1 * max(joint.upper - joint.lower, 0.0)):
+            room = 0.0 if abs(room) < ROUNDING else room
             word = "beyond" if room < 0.0 else "to"
             text = f"{abs(room):.3f} {units(joint)[0]} {word} {bound} limit"
             color = RED if room < 0.0 else ORANGE

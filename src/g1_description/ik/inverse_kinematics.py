@@ -50,6 +50,9 @@ BASES = {
 }
 """How the base may move: along and about the world's axes."""
 
+FARTHEST = 100.0
+"""Largest distance of a target from the root link, in [m]."""
+
 SPEED_SHARE = 0.999
 """Share of the velocity limits that paths use: others round to the limit itself."""
 
@@ -303,6 +306,13 @@ class InverseKinematics:
         poses = self._solver.kinematics.link_poses(*start)
         _check_mapping("targets", targets)
         moved = self._tasks(targets, options)
+        for name, task in moved.items():
+            far = np.linalg.norm(task.pose[:3] - start.root[:3])
+            if far > FARTHEST:
+                raise InvalidValueError(
+                    f"The target of {name} is {far:.3g} m from the robot: targets are "
+                    f"in m, at most {FARTHEST:g} m away."
+                )
         held = self._held(options.hold, moved)
         stands = held or any(task.link in self._feet for task in moved.values())
         stays = {

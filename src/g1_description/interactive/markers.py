@@ -26,7 +26,7 @@ from visualization_msgs.msg import (
 from g1_description.checker.markers import KINDS, MarkerMaker
 from g1_description.checks.marks import ORANGE
 from g1_description.collisions.self_collisions import SelfCollisions
-from g1_description.errors import G1DescriptionError, InvalidValueError
+from g1_description.errors import G1DescriptionError, InvalidValueError, MotionError
 from g1_description.ik.posing import Posing
 from g1_description.msg import RobotTrajectory
 from g1_description.robot.poses import fitting_poses
@@ -250,7 +250,13 @@ class InteractiveMarkers:
 
     def _drag(self, role: str, numbers: np.ndarray) -> None:
         """Move the robot so that a link follows its marker."""
-        target = pose_from_numbers(numbers)
+        try:
+            target = pose_from_numbers(numbers)
+        except MotionError:
+            raise InvalidValueError(
+                f"The pose of the marker {role} must be finite, with a quaternion of "
+                "length 1; it is ignored."
+            ) from None
         if role != self._dragged:
             self._grab(role)
         found = self._posing.drag(role, target, self._posing.centers[role])

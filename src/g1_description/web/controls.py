@@ -391,6 +391,10 @@ class PosePanel:
         ui.on(save, self._save)
         ui.on(self._poses, self._take)
 
+    def refresh(self) -> None:
+        """List the poses anew."""
+        self._poses.options = tuple(fitting_poses(self._robot.description)) or (NONE,)
+
     def _take(self) -> None:
         """Move the robot to the selected pose, read again from the file."""
         robot = self._robot.description
@@ -423,5 +427,5 @@ class PosePanel:
         positions = known(state.positions_by_name, self._robot)
         save_pose(Pose(name, positions, "saved in the browser"), user_file())
         self._replace.value = False
-        self._poses.options = tuple(fitting_poses(self._robot.description))
+        self.refresh()
         self._ui.tell(f"Saved pose {name} in {user_file()}.", "green")

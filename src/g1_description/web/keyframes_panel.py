@@ -81,6 +81,8 @@ class KeyframesPanel:
         """The selected one."""
         self._made: Motion | None = None
         self._n_changes = 0
+        self.saved: Callable[[], object] = lambda: None
+        """Called when poses are saved."""
         self._feet = [posing.roles[foot] for foot in posing.feet]
         self._inverse: InverseKinematics | None = None
         self._add()
@@ -318,6 +320,7 @@ class KeyframesPanel:
             positions = dict(zip(joints, frame.positions.tolist()))
             pose = Pose(one, known(positions, self._robot), "keyframe of the browser")
             save_pose(pose, user_file())
+        self.saved()
         self._ui.tell(f"Saved {names[0]} to {names[-1]} in {user_file()}.", "green")
 
 

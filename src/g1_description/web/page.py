@@ -190,7 +190,9 @@ class Page:
             shown.keyframes = KeyframesPanel(
                 server.gui, self.ui, robot, shown.reach.posing, lambda: self.motion
             )
-        PosePanel(server.gui, self.ui, self._world, robot, shown.joints)
+        poses = PosePanel(server.gui, self.ui, self._world, robot, shown.joints)
+        if shown.keyframes is not None:
+            shown.keyframes.saved = poses.refresh
 
     def _collisions(self, robot: ShownRobot) -> SelfCollisions:
         """Prepare the self-collisions of a robot."""

@@ -41,6 +41,10 @@ SCALE = 0.2
 TARGET = (0.95, 0.6, 0.1, SEE_THROUGH)
 """Colour of a link at a target that is not reached."""
 
+LONGEST = 60.0
+"""Time without a move after which a gizmo is no longer held, in [s]: browsers that
+vanish do not let it go."""
+
 UNDO, REDO, MIRROR, RESET = "Undo", "Redo", "Mirror", "Reset"
 
 
@@ -74,6 +78,8 @@ class ReachPanel:
         self._make_collisions = collisions
         roles = self.posing.roles
         self._dragged_at = dict.fromkeys(roles, -math.inf)
+        self._held = ""
+        """Role of the gizmo that is held with the mouse."""
         self._grabbed: tuple[str, np.ndarray] | None = None
         """A link that is dragged with the mouse, and where in its frame."""
         self._ghosts: dict[str, list[MeshHandle]] = {}
@@ -123,6 +129,7 @@ class ReachPanel:
         self._turns = {role: gizmo.wxyz for role, gizmo in self._gizmos.items()}
         for role, gizmo in self._gizmos.items():
             ui.on(gizmo, partial(self._dragged, role))
+            gizmo.on_update(partial(self._begin_or_end, role))
         self._scene = server.scene
 
     @property
@@ -192,9 +199,22 @@ class ReachPanel:
         self._tell(found.message)
         return found
 
+    def _begin_or_end(self, role: str, event: Any) -> None:
+        """Hear of the mouse that takes a gizmo or lets it go, in a thread of viser."""
+        if event.phase != "update":
+            act = partial(self._hold, role, event.phase == "start")
+            self._ui.post(("hold", id(self), role), act)
+
+    def _hold(self, role: str, is_held: bool) -> None:
+        """Begin a drag of a gizmo, or end it."""
+        self.posing.end_drag()
+        self._held = role if is_held else ""
+        self._dragged_at[role] = time.monotonic()
+
     def _is_dragged(self, role: str) -> bool:
-        """Return whether a gizmo was dragged recently."""
-        return time.monotonic() < self._dragged_at[role] + HELD
+        """Return whether a gizmo is held, or was dragged recently."""
+        longest = LONGEST if role == self._held else HELD
+        return time.monotonic() < self._dragged_at[role] + longest
 
     def _on_drag(self, link: str, event: Any) -> None:
         """Hear of the mouse that drags a link, in the thread of the server."""
