@@ -18,6 +18,7 @@ import yaml
 from g1_description.msg import RobotState
 from g1_description.srv import GetAnchor, SetAnchor
 from gazebo_msgs.srv import GetWorldProperties
+from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 from support import browser
 from support.pictures import read_picture, share_changed
@@ -256,7 +257,11 @@ def test_a_hand_is_dragged_and_the_feet_stay(address, robot):
         client.set("Gizmos", True)
         client.wait_until_whole()
         (name,) = (n for n in list(client.nodes) if n.endswith("/left_hand"))
-        turn, place = hand[[6, 3, 4, 5]].tolist(), goal.tolist()
+        # Gizmos are at the centres of mass of their links.
+        inertials = {link.name: link.inertial for link in model.description.links}
+        center = inertials["left_rubber_hand"].center_of_mass
+        place = (goal + Rotation.from_quat(hand[3:]).apply(center)).tolist()
+        turn = hand[[6, 3, 4, 5]].tolist()
         client.send(
             "TransformControlsUpdateMessage",
             name=name,
