@@ -69,7 +69,12 @@ class IkService:
                 raise InvalidValueError("base_pose needs joint_state with positions.")
             hold = () if request.hold_nothing else request.hold or None
             motion = "fixed" if request.fixed_base else None
-            options = IkOptions(hold, request.balance, request.avoid_collisions, motion)
+            options = IkOptions(
+                hold=hold,
+                balance=request.balance,
+                collisions=request.avoid_collisions,
+                base_motion=motion,
+            )
             if request.avoid_collisions:
                 with self._lock:
                     if self._collisions is None:
