@@ -379,16 +379,19 @@ def test_plots_show_a_joint(page):
 def test_a_phone_shows_the_robot_and_moves_it(chromium, window, address, robot):
     window.close()  # two pages of the G1 are much for two cores
     phone = chromium.open(address, phone=True, script=browser.JAGGED)
-    phone.wait_for(lambda: "Robot" in phone.text(), "the panel")
+    title = phone.raw.get_by_text("g1_29dof", exact=True)
+    title.wait_for()
     phone.dismiss()
     phone.wait_for(lambda: shows_robot(phone), "the robot")
+    view = phone.raw.get_by_role("tab", name="View")
+    phone.wait_for(lambda: not view.is_visible(), "a panel that starts folded")
+    title.tap()
+    view.wait_for()
     slider = slider_of(phone, "Left leg", "left_knee")
     slider.tap()
     middle = sum(slider.limits()) / 2
     phone.wait_for(lambda: robot.is_at(KNEE, middle, 0.1), "the touched slider")
-    title = phone.raw.get_by_text("g1_29dof", exact=True)
     title.tap()
-    view = phone.raw.get_by_role("tab", name="View")
     phone.wait_for(lambda: not view.is_visible(), "a folded panel")
     title.tap()
     view.wait_for()

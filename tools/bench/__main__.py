@@ -10,9 +10,7 @@ import operator
 import os
 import platform
 import signal
-import socket
 import struct
-import subprocess
 import sys
 import time
 import xml.etree.ElementTree as ET
@@ -34,6 +32,7 @@ from tf2_msgs.msg import TFMessage
 from g1_description import Robot
 from g1_description.ros.conversions import model_trajectory
 
+from .browser import browser, burners, is_open
 from .folder import folder
 from .graph import (
     FAILURES,
@@ -800,25 +799,6 @@ def drag_times(client, link, count):
     return times
 
 
-@contextmanager
-def burners(count):
-    """Keep cores busy."""
-    command = [sys.executable, "-c", "while True: pass"]
-    running = [subprocess.Popen(command) for _ in range(count)]
-    try:
-        yield
-    finally:
-        for process in running:
-            process.kill()
-            process.wait()
-
-
-def is_open(port):
-    """Tell whether somebody listens."""
-    with socket.socket() as caller:
-        return not caller.connect_ex(("127.0.0.1", port))
-
-
 PARTS = {
     part.__name__: part
     for part in (
@@ -833,6 +813,7 @@ PARTS = {
         checks,
         folder,
         page,
+        browser,
         html,
     )
 }

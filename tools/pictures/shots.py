@@ -155,6 +155,8 @@ def take(browser: Browser, shot: Shot, folder: Path, file: Path) -> None:
         page.dismiss()
         if not shot.phone:
             _move_aside(page)
+        else:  # which starts with a folded panel
+            page.raw.get_by_text(TITLE, exact=True).first.click()
         shot.act(page)
         page.raw.mouse.move(1, 1)
         page.still(TIMEOUT)

@@ -22,7 +22,7 @@ from websockets.http11 import Request, Response
 from g1_description.errors import G1DescriptionError, PageServerError, cause
 from g1_description.web.server.address import ServerOptions
 from g1_description.web.server.admission import Admission
-from g1_description.web.server.hidden_viser import HiddenViser
+from g1_description.web.server.hidden_viser import SLOW_HEADER, HiddenViser
 from g1_description.web.server.pages import Pages, sentence
 from g1_description.web.server.uploads import Uploads
 
@@ -31,6 +31,10 @@ MAX_QUEUE = 2
 
 STALL_TIMEOUT = 30.0
 """How long a browser may take nothing while something waits for it, in [s]."""
+
+
+SLOW_COOKIE = "g1_slow=1"
+"""Set by the page's script where the browser draws in software."""
 
 
 class Pipe:
@@ -61,10 +65,13 @@ class Pipe:
             viser: Where they go.
             on_sent: Called with the size of each message that was sent.
         """
+        assert self._browser.request is not None
+        cookies = "; ".join(self._browser.request.headers.get_all("Cookie"))
+        slow = {SLOW_HEADER: "1"} if SLOW_COOKIE in cookies.split("; ") else {}
         async with connect(
             viser.url,
             subprotocols=[viser.subprotocol],  # type: ignore[list-item]
-            additional_headers=viser.headers,
+            additional_headers={**viser.headers, **slow},
             compression=None,
             max_size=None,
             max_queue=MAX_QUEUE,

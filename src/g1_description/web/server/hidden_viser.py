@@ -19,12 +19,15 @@ from typing import Any
 
 import rich
 import viser
-from viser._messages import ShareUrlRequest
+from viser._messages import EnableLightsMessage, ShareUrlRequest
 
 LOGGER = "websockets.server"
 """Where viser's connections log, those of the rest of the program too."""
 
 SECRET_HEADER = "X-G1-Description"
+SLOW_HEADER = "X-G1-Slow"
+"""Of browsers that draw in software: they get no shadows, which are three quarters of
+their work."""
 
 log = logging.getLogger(__name__)
 
@@ -63,11 +66,16 @@ class HiddenViser:
         return record.thread != self._connections._server_thread.ident
 
     async def _check(self, client: Any) -> None:
-        """End a connection that is not the gateway's, before it is listened to."""
+        """End a connection that is not the gateway's, before it is listened to.
+
+        One of a slow browser gets no shadows.
+        """
         connection = self._connections._live_connections[client.client_id]
         brought = connection.request.headers.get_all(SECRET_HEADER)
         if brought != [self._secret]:
             await connection.close()
+        elif SLOW_HEADER in connection.request.headers:
+            client.queue_message(EnableLightsMessage(True, False))
 
 
 def _secret_host() -> str:

@@ -1,10 +1,46 @@
-// What the page does beside viser: sends files, copies texts, says what happened, and
-// takes typed numbers when they are whole.
+// What the page does beside viser: sends files, copies texts, says what happened, takes
+// typed numbers when they are whole, and spares phones and browsers without a GPU.
 (() => {
   const readOnly = READ_ONLY;
   const TOAST_TIME = 6000;  // ms
   const PIECE = 256 * 1024;  // bytes
   const AHEAD = 4 * PIECE;  // most bytes that wait to be sent
+
+  // Without a GPU a picture takes seconds with shadows and smooth edges: the server is
+  // told to leave out the shadows. Viser's module runs after this script.
+  const SOFTWARE = /swiftshader|llvmpipe|softpipe|basic render/i;
+  const RESOLUTION = 0.75;  // of the window's pixels
+  const make = HTMLCanvasElement.prototype.getContext;
+
+  /** Tell whether the browser draws in software. */
+  function drawsInSoftware() {
+    const gl = make.call(document.createElement("canvas"), "webgl2");
+    const info = gl?.getExtension("WEBGL_debug_renderer_info");
+    const name = info ? gl.getParameter(info.UNMASKED_RENDERER_WEBGL) : "";
+    gl?.getExtension("WEBGL_lose_context")?.loseContext();
+    return SOFTWARE.test(name);
+  }
+
+  const address = new URL(location);
+  const slow = !address.searchParams.has("fixedDpr") && drawsInSoftware();
+  document.cookie = "g1_slow=1; Path=/; SameSite=Strict" + (slow ? "" : "; Max-Age=0");
+  if (slow) {
+    address.searchParams.set("fixedDpr", RESOLUTION);
+    history.replaceState(null, "", address);
+    HTMLCanvasElement.prototype.getContext = function (kind, options) {
+      return make.call(this, kind, { ...options, antialias: false });
+    };
+  }
+
+  // On a phone the panel covers half of the robot: it starts folded.
+  if (matchMedia("(max-width: 36em) and (pointer: coarse)").matches) {
+    new MutationObserver((_, observer) => {
+      const head = document.querySelector("[style*='height: 3.5em'][style*='pointer']");
+      if (head === null) return;
+      observer.disconnect();
+      head.click();
+    }).observe(document.body, { childList: true, subtree: true });
+  }
 
   const toasts = document.createElement("div");
   toasts.setAttribute("role", "status");
