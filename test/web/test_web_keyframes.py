@@ -196,6 +196,23 @@ def test_a_deleted_motion_is_not_saved(shown, browser, tmp_path):
     assert not (tmp_path / "g1_description" / "motions").exists()
 
 
+def test_a_page_of_the_motion_is_shared(shown, browser):
+    opened(shown, 2, 1.0)
+    browser.wait_for(lambda: "\npassed" in told(browser), "its verdict")
+    browser.press("Share")
+
+    def is_there():
+        parts = browser.others.get("FileTransferPart")
+        return parts is not None and b"</html>" in bytes(parts["content"])
+
+    browser.wait_for(is_there, "the file")
+    start = browser.others["FileTransferStartDownload"]
+    assert start["filename"] == "robot.html"
+    text = bytes(browser.others["FileTransferPart"]["content"]).decode()
+    assert "left_elbow" in text
+    assert 'class="result passed"' in text
+
+
 def test_keys_play_step_and_take(shown, browser):
     opened(shown, 2, 1.0)
     _, show = shown

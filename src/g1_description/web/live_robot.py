@@ -150,6 +150,7 @@ class LiveRobot:
             names=tuple(state.names[row] for row in rows),
             positions=state.positions[rows],
             velocities=None if state.velocities is None else state.velocities[rows],
+            efforts=None if state.efforts is None else state.efforts[rows],
             commanded={
                 name: position
                 for name, position in state.commanded.items()

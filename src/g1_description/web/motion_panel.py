@@ -107,6 +107,8 @@ class MotionPanel:
         self._read_only = read_only
         self.player: Player | None = None
         self.motions: dict[ShownRobot, Motion] = {}
+        self.verdicts: dict[ShownRobot, Verdict] = {}
+        """Those of open motions, as far as they are checked."""
         self._titles: dict[ShownRobot, str] = {}
         self.opened: Callable[[], object] = lambda: None
         """Called when a motion is opened."""
@@ -205,6 +207,7 @@ class MotionPanel:
             at: Time at which the robot is already, in [s]; None: it may be elsewhere.
         """
         self.motions[robot] = motion
+        self.verdicts.pop(robot, None)
         player = self.player = self._world.open(robot, motion, at)
         span = player.end - player.begin
         self._line.min, self._line.max = player.begin, player.begin + max(span, STEP)
@@ -230,6 +233,7 @@ class MotionPanel:
     ) -> None:
         """Show findings, unless another motion was opened meanwhile."""
         if self.motions.get(robot) is motion and self.player is not None:
+            self.verdicts[robot] = verdict
             span = self.player.begin, self.player.end
             self._findings[robot].show(verdict, span)
             self.checked(name, verdict)

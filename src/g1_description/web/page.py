@@ -12,7 +12,10 @@ import numpy as np
 
 from g1_description.checks.verdict import Verdict
 from g1_description.collisions.self_collisions import SelfCollisions
+from g1_description.errors import InvalidValueError
 from g1_description.ik.posing import roles_of
+from g1_description.motion.motion import Motion
+from g1_description.render.page import motion_page
 from g1_description.robot.state import RobotState
 from g1_description.web.check_thread import CheckThread, MakeChecker
 from g1_description.web.controls import BasePanel, JointPanel, PosePanel
@@ -148,7 +151,9 @@ class Page:
         with tabs.add_tab("View"):
             bodies = [shown.body for shown in self._shown]
             known = world.has_commanded, world.can_move
-            self._view = ViewPanel(gui, self.ui, self._stage, bodies, *known)
+            self._view = ViewPanel(
+                gui, self.ui, self._stage, bodies, *known, self._one_file
+            )
             if world.can_arrange:
                 self._add_arrangement()
             has_library = self._library is not None
@@ -157,6 +162,27 @@ class Page:
         with tabs.add_tab("Plots"):
             robots = [shown.robot for shown in self._shown]
             self._plots = PlotPanel(gui, self.ui, robots)
+
+    def _one_file(self) -> str:
+        """Write a page of the first robot: of its open motion, or as it is now.
+
+        Raises:
+            G1DescriptionError: If nothing is known of it.
+        """
+        robot = self._shown[0].robot
+        motion, verdict = self.motion.motions.get(robot), None
+        if motion is None:
+            state = robot.state()
+            if state is None:
+                raise InvalidValueError(
+                    "There is nothing to share: no state has been received yet."
+                )
+            base = None if state.base_pose is None else state.base_pose[np.newaxis]
+            rows = state.positions[np.newaxis]
+            motion = Motion(np.zeros(1), state.names, rows, base_poses=base)
+        else:
+            verdict = self.motion.verdicts.get(robot)
+        return motion_page(robot.description, motion, verdict)
 
     def _add_arrangement(self) -> None:
         """Add the switch between robots next to each other and overlaid."""

@@ -6,6 +6,7 @@ import io
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
+from g1_description.errors import G1DescriptionError
 from g1_description.web.scene.robot import SceneRobot
 from g1_description.web.scene.stage import Stage
 from g1_description.web.ui_loop import UiLoop
@@ -41,6 +42,7 @@ class ViewPanel:
         robots: Sequence[SceneRobot],
         has_commanded: bool,
         can_move: bool,
+        share: Callable[[], str],
     ) -> None:
         """Add the panel.
 
@@ -51,8 +53,10 @@ class ViewPanel:
             robots: All robots.
             has_commanded: Whether the commanded configuration is known.
             can_move: Whether anybody takes commands.
+            share: Writes a page of the open motion, or of the present configuration.
         """
         self._gui, self._ui = gui, ui
+        self._make_page = share
         self._pictured: set[int] = set()
         """Who waits for a picture."""
 
@@ -74,6 +78,10 @@ class ViewPanel:
         self.checks = self._switch("Checks", True)
         picture = gui.add_button("Save a picture", hint="of what you see, as PNG")
         picture.on_click(self._save)
+        page = gui.add_button(
+            "Share", hint="the open motion, or the robot as it is, as one HTML file"
+        )
+        page.on_click(self._share)
         gui.add_html(COPY.format(command=COPY_COMMAND if can_move else ""))
 
     def toggle_follow(self) -> None:
@@ -103,6 +111,22 @@ class ViewPanel:
             client.add_notification("No picture", f"{error}", color="red")
         finally:
             self._pictured.discard(client.client_id)
+
+    def _share(self, event: Any) -> None:
+        """Send one person a page; called by a thread of viser's."""
+        client = event.client
+        if client is None:
+            return
+        try:
+            page = self._make_page()
+        except G1DescriptionError as error:
+            client.add_notification("No page", f"{error}", color="red")
+            return
+        client.send_file_download(
+            "robot.html",
+            page.encode("utf-8", "backslashreplace"),
+            save_immediately=True,
+        )
 
 
 def _send_picture(client: Any) -> None:
