@@ -19,7 +19,7 @@ from PIL import Image
 
 from g1_description.errors import InvalidValueError
 from g1_description.files.atomic import write_whole
-from g1_description.motion.motion import Motion
+from g1_description.motion.motion import Motion, configuration
 from g1_description.robot.assembly import root_in_base
 from g1_description.robot.description import Description
 from g1_description.robot.transform import compose, inverse
@@ -201,14 +201,11 @@ def placed(
     return None if base is None else compose(base, root_in_base(robot)), positions
 
 
-def configuration(robot: Description, placed: PlacedRobot) -> Motion:
+def motion_of(robot: Description, placed: PlacedRobot) -> Motion:
     """Make a motion of one sample of a placed robot."""
     root, positions = placed
-    base = None
-    if root is not None:
-        base = compose(root, inverse(root_in_base(robot)))[np.newaxis]
-    values = np.array([[*positions.values()]], dtype=float)
-    return Motion(np.zeros(1), tuple(positions), values, base_poses=base)
+    base = None if root is None else compose(root, inverse(root_in_base(robot)))
+    return configuration(positions, base)
 
 
 def record(

@@ -24,10 +24,10 @@ from g1_description.cli.film import (
     PlacedRobot,
     check_length,
     check_place,
-    configuration,
     count,
     drawn,
     film,
+    motion_of,
     now,
     placed,
     record,
@@ -494,7 +494,7 @@ def draw_all(
         for moment in moments
     ]
     if args.is_page:
-        write_page(robots[0], configuration(robots[0], moments[0][0]), args)
+        write_page(robots[0], motion_of(robots[0], moments[0][0]), args)
         return
     with Scene() as scene:
         for robot in robots:

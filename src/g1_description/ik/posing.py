@@ -18,7 +18,7 @@ from g1_description.ik.inverse_kinematics import (
 from g1_description.ik.solver import IkSolver
 from g1_description.motion.edit import projected
 from g1_description.motion.mirror import mirrored
-from g1_description.motion.motion import Motion
+from g1_description.motion.motion import Motion, configuration
 from g1_description.robot.assembly import WORLD, root_in_base
 from g1_description.robot.description import Description
 from g1_description.robot.kinematics import Kinematics
@@ -32,7 +32,7 @@ from g1_description.robot.poses import (
     read_poses,
 )
 from g1_description.robot.state import RobotState
-from g1_description.robot.transform import compose
+from g1_description.robot.transform import compose, translation
 from g1_description.sim.standing import lowest_height, standing_base
 
 IMU = "imu"
@@ -68,7 +68,8 @@ class Posing:
         self._names = tuple(joint.name for joint in description.movable_joints)
         self._kinematics = Kinematics(description)
         self._T_base_root = root_in_base(description)
-        self._inverse = InverseKinematics(description, IkSolver(description))
+        self.inverse = InverseKinematics(description, IkSolver(description))
+        """Inverse kinematics of the robot, without collisions."""
         self._apart: InverseKinematics | None = None
         self.roles = roles_of(description)
         """Links to be dragged by role."""
@@ -145,7 +146,22 @@ class Posing:
         assert state.base_pose is not None
         root = compose(state.base_pose, self._T_base_root)
         poses = self._kinematics.link_poses(root, positions)
-        return dict(zip(self._inverse.links, poses))
+        return dict(zip(self.inverse.links, poses))
+
+    def handle_poses(self, state: RobotState) -> dict[str, np.ndarray]:
+        """Compute where links are grabbed: their centres with their orientations.
+
+        Args:
+            state: As for ``link_poses``.
+
+        Returns:
+            Poses in the map, shape (7,), by role.
+        """
+        links = self.link_poses(state)
+        return {
+            role: compose(links[link], translation(self.centers[role]))
+            for role, link in self.roles.items()
+        }
 
     # --- dragging ---
 
@@ -178,7 +194,7 @@ class Posing:
             base_motion="free",
             points={} if point is None else {name: point},
         )
-        inverse = (self._apart if options.collisions else None) or self._inverse
+        inverse = (self._apart if options.collisions else None) or self.inverse
         found = inverse.solve({name: target}, *self._begin, options, 1, self._now)
         self._now = found.positions, found.base
         self._command(self._now)
@@ -203,7 +219,7 @@ class Posing:
     def _as_motion(self, placed: Placed) -> Motion:
         """Return a configuration as a motion of one sample."""
         positions, base = placed
-        return Motion(np.zeros(1), self._names, positions[None], base_poses=base[None])
+        return configuration(dict(zip(self._names, positions.tolist())), base)
 
     def _remember(self, placed: Placed) -> None:
         """Let a change be undone."""

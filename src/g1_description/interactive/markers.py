@@ -30,7 +30,7 @@ from g1_description.errors import G1DescriptionError, InvalidValueError, MotionE
 from g1_description.ik.posing import Posing
 from g1_description.msg import RobotTrajectory
 from g1_description.robot.poses import fitting_poses
-from g1_description.robot.transform import IDENTITY, compose
+from g1_description.robot.transform import compose, translation
 from g1_description.ros.conversions import pose_from_array, pose_to_array
 from g1_description.ros.lifecycle import at_shutdown, quiet_when_closing
 from g1_description.ros.log import ThrottledLog
@@ -190,14 +190,10 @@ class InteractiveMarkers:
 
     def _poses(self) -> dict[str, np.ndarray]:
         """Return the poses of markers on their links by role, if these are known."""
-        state, posing = self._robot.state, self._posing
+        state = self._robot.state
         if state is None or state.base_pose is None:
             return {}
-        links = posing.link_poses(state)
-        return {
-            role: compose(links[link], shift(posing.centers[role]))
-            for role, link in posing.roles.items()
-        }
+        return self._posing.handle_poses(state)
 
     def _follow(self) -> None:
         """Put markers that are not dragged on their links."""
@@ -223,7 +219,7 @@ class InteractiveMarkers:
             canvas.text(MESSAGES, above, lines, 0.035, ORANGE)
         if target is not None:
             link = self._links[self._posing.roles[role]]
-            back = shift(-self._posing.centers[role])
+            back = translation(-self._posing.centers[role])
             for shape in link.visuals or link.collisions:
                 if shape.kind in KINDS:
                     pose = compose(compose(target, back), shape.pose)
@@ -335,11 +331,6 @@ class InteractiveMarkers:
             return
         self._post("", partial(self._posing.prepare, shapes))
         rospy.loginfo("The shapes are prepared; links keep away from each other.")
-
-
-def shift(place: np.ndarray) -> np.ndarray:
-    """Return a translation in [m], shape (3,), as a pose, shape (7,)."""
-    return np.concatenate([place, IDENTITY[3:]])
 
 
 def make_marker(role: str, pose: np.ndarray) -> InteractiveMarker:

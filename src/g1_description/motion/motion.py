@@ -286,6 +286,20 @@ class Motion:
         return replace(self, joint_names=tuple(names.get(n, n) for n in own))
 
 
+def configuration(
+    positions: Mapping[str, float], base: np.ndarray | None = None
+) -> Motion:
+    """Make a motion of one sample.
+
+    Args:
+        positions: Of joints in [rad] or [m], by name.
+        base: Pose of the base in the map, shape (7,); None: unknown.
+    """
+    values = np.array([[*positions.values()]], dtype=float)
+    poses = None if base is None else base[np.newaxis]
+    return Motion(np.zeros(1), tuple(positions), values, base_poses=poses)
+
+
 def _normalized(poses: np.ndarray) -> np.ndarray:
     """Scale quaternions of poses, shape (n, 7), to unit length: files round them."""
     lengths = np.sqrt(np.einsum("ij,ij->i", poses[:, 3:], poses[:, 3:]))

@@ -15,6 +15,11 @@ IDENTITY = np.concatenate([np.zeros(3), IDENTITY_ROTATION])
 IDENTITY.setflags(write=False)
 
 
+def translation(place: np.ndarray) -> np.ndarray:
+    """Return a translation in [m], shape (3,), as a pose, shape (7,)."""
+    return np.concatenate([place, IDENTITY_ROTATION])
+
+
 def compose(T_a_b: np.ndarray, T_b_c: np.ndarray) -> np.ndarray:
     """Chain two transforms.
 

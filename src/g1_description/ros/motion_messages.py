@@ -15,7 +15,7 @@ from trajectory_msgs.msg import (
 )
 
 from g1_description.errors import MotionError, UnknownNameError
-from g1_description.motion.motion import Motion
+from g1_description.motion.motion import Motion, configuration
 from g1_description.msg import RobotTrajectory
 from g1_description.ros.conversions import to_transform
 from g1_description.text import listed, similar_first
@@ -104,10 +104,7 @@ def configuration_message(
         positions: Of joints in [rad] or [m], by name.
         base: Pose of the base in the map, shape (7,).
     """
-    values = np.array([[*positions.values()]], dtype=float)
-    place = base[np.newaxis]
-    motion = Motion(np.zeros(1), tuple(positions), values, base_poses=place)
-    return whole_body_message(motion)
+    return whole_body_message(configuration(positions, base))
 
 
 def motion_from_message(

@@ -10,7 +10,7 @@ import numpy as np
 
 from g1_description.errors import DescriptionError, MotionError
 from g1_description.motion.edit import moved
-from g1_description.motion.motion import Motion
+from g1_description.motion.motion import Motion, configuration
 from g1_description.robot.assembly import WORLD, Assembly
 from g1_description.robot.description import Description, Link, origin_reaches
 from g1_description.robot.kinematics import Kinematics
@@ -156,10 +156,8 @@ def standing_base(robot: Description, positions: Mapping[str, float]) -> np.ndar
     Returns:
         T_map_base, shape (7,), with which its lowest point is at height 0.
     """
-    bent = np.array([[*positions.values()]], dtype=float)
     upright = IDENTITY.copy()
-    posture = Motion(np.zeros(1), tuple(positions), bent, None, upright[np.newaxis])
-    upright[2] = -lowest_height(robot, posture)
+    upright[2] = -lowest_height(robot, configuration(positions, upright))
     return upright
 
 

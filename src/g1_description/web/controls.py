@@ -392,7 +392,7 @@ class PosePanel:
         ui.on(self._poses, self._take)
 
     def refresh(self) -> None:
-        """List the poses anew."""
+        """Update the list of poses, as others may have been saved."""
         self._poses.options = tuple(fitting_poses(self._robot.description)) or (NONE,)
 
     def _take(self) -> None:

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from g1_description.errors import InvalidValueError
-from g1_description.ik.inverse_kinematics import InverseKinematics
 from g1_description.ik.keyframes import (
     PASS,
     PERIOD,
@@ -20,7 +19,6 @@ from g1_description.ik.keyframes import (
     keyframe_motion,
 )
 from g1_description.ik.posing import Posing
-from g1_description.ik.solver import IkSolver
 from g1_description.motion.files.formats import write_motion
 from g1_description.motion.motion import Motion
 from g1_description.robot.poses import (
@@ -84,7 +82,6 @@ class KeyframesPanel:
         self.saved: Callable[[], object] = lambda: None
         """Called when poses are saved."""
         self._feet = [posing.roles[foot] for foot in posing.feet]
-        self._inverse: InverseKinematics | None = None
         self._add()
 
     def _add(self) -> None:
@@ -254,10 +251,8 @@ class KeyframesPanel:
         """Make the motion, unless keyframes have changed since."""
         if number != self._n_changes:
             return None
-        robot, way = self._robot.description, str(self._way.value)
-        if self._inverse is None:
-            self._inverse = InverseKinematics(robot, IkSolver(robot))
-        return keyframe_motion(robot, self._inverse, self._feet, frames, way)
+        robot, inverse = self._robot.description, self._posing.inverse
+        return keyframe_motion(robot, inverse, self._feet, frames, str(self._way.value))
 
     def _open(self, number: int, made: KeyframeMotion | None) -> None:
         """Open the motion, unless keyframes have changed: its time line and checks."""

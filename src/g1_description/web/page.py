@@ -14,7 +14,7 @@ from g1_description.checks.verdict import Verdict
 from g1_description.collisions.self_collisions import SelfCollisions
 from g1_description.errors import InvalidValueError
 from g1_description.ik.posing import roles_of
-from g1_description.motion.motion import Motion
+from g1_description.motion.motion import configuration
 from g1_description.render.page import motion_page
 from g1_description.robot.state import RobotState
 from g1_description.web.check_thread import CheckThread, MakeChecker
@@ -177,9 +177,7 @@ class Page:
                 raise InvalidValueError(
                     "There is nothing to share: no state has been received yet."
                 )
-            base = None if state.base_pose is None else state.base_pose[np.newaxis]
-            rows = state.positions[np.newaxis]
-            motion = Motion(np.zeros(1), state.names, rows, base_poses=base)
+            motion = configuration(state.positions_by_name, state.base_pose)
         else:
             verdict = self.motion.verdicts.get(robot)
         return motion_page(robot.description, motion, verdict)

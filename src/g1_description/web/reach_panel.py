@@ -23,7 +23,7 @@ from g1_description.robot.state import RobotState
 from g1_description.web.controls import HELD, LEAST_NORM, PERIOD, JointPanel
 from g1_description.web.findings_panel import plain
 from g1_description.web.robot import ShownRobot
-from g1_description.web.scene.robot import SEE_THROUGH, SceneRobot, link_patches, rgb
+from g1_description.web.scene.robot import SEE_THROUGH, SceneRobot, rgb
 from g1_description.web.scene.stage import MAP, Stage
 from g1_description.web.scene.tree import pose_of, wxyz
 from g1_description.web.ui_loop import UiLoop
@@ -248,7 +248,6 @@ class ReachPanel:
         """Show a link at its target, below its gizmo, or hide it."""
         if is_on and role not in self._ghosts:
             link = self.posing.roles[role]
-            patches, _ = link_patches(self._robot.description)
             center = self.posing.centers[role].astype(np.float32)
             self._ghosts[role] = [
                 self._scene.add_mesh_simple(
@@ -259,7 +258,7 @@ class ReachPanel:
                     opacity=TARGET[3],
                     flat_shading=True,
                 )
-                for number, patch in enumerate(patches.get(link, ()))
+                for number, patch in enumerate(self._body.patches.get(link, ()))
             ]
         for mesh in self._ghosts.get(role, ()):
             if mesh.visible != is_on:
@@ -297,18 +296,16 @@ class ReachPanel:
         if state.base_pose is None:
             return
         self._looked = now
-        poses = self.posing.link_poses(state)
-        for role, link in self.posing.roles.items():
+        for role, pose in self.posing.handle_poses(state).items():
             if not self._is_dragged(role):
-                self._put(role, self._gizmos[role], poses[link])
+                self._put(role, self._gizmos[role], pose)
 
     def _put(self, role: str, gizmo: TransformControlsHandle, pose: np.ndarray) -> None:
         """Put a gizmo at the centre of its link."""
         # A person's value is another array, and may not have been heard yet.
         if gizmo.wxyz is self._turns[role]:
             self._show_ghost(role, False)
-            center = rotate(pose[3:], self.posing.centers[role])
-            gizmo.position = pose[:3] + center
+            gizmo.position = pose[:3]
             gizmo.wxyz = np.array(wxyz(pose))
 
 

@@ -59,9 +59,9 @@ class SceneRobot:
         self._scene, self._tint = scene, tint
         self._root = scene.add_frame(path, show_axes=False)
         self.tree = LinkTree(scene, self._root.name, robot)
-        patches, self.notes = link_patches(robot)
-        """Messages on meshes that cannot be used."""
-        self._visuals = self._add("visual", patches, tint)
+        self.patches, self.notes = link_patches(robot)
+        """Triangles by link, and messages on meshes that cannot be used."""
+        self._visuals = self._add("visual", self.patches, tint)
         self._red: set[str] = set()
         self._named: tuple[str, LabelHandle] | None = None
 
