@@ -16,7 +16,7 @@ from g1_description.ik.solver import (
     HARD,
     TOLERANCE,
     Configuration,
-    Constraints,
+    IkConstraints,
     IkSolver,
     Linearization,
     LinkTask,
@@ -174,7 +174,7 @@ class _Problem:
     start: Configuration
     names: tuple[str, ...]
     tasks: tuple[LinkTask, ...]
-    bounds: Constraints
+    bounds: IkConstraints
 
 
 class InverseKinematics:
@@ -326,7 +326,7 @@ class InverseKinematics:
             )
         if self._description.root == WORLD:
             base_motion = "fixed"
-        bounds = Constraints(
+        bounds = IkConstraints(
             self._lower,
             self._upper,
             BASES[base_motion],

@@ -8,7 +8,7 @@ import numpy as np
 
 from g1_description.ik.solver import (
     Configuration,
-    Constraints,
+    IkConstraints,
     IkSolver,
     Linearization,
     LinkTask,
@@ -37,7 +37,7 @@ def search(
     solver: IkSolver,
     start: Configuration,
     tasks: Sequence[LinkTask],
-    bounds: Constraints,
+    bounds: IkConstraints,
     posture: np.ndarray,
     starts: int = STARTS,
 ) -> tuple[Linearization, int]:

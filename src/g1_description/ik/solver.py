@@ -93,7 +93,7 @@ class LinkTask(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Constraints:
+class IkConstraints:
     """What a configuration must keep to."""
 
     lower: np.ndarray
@@ -127,7 +127,7 @@ class Linearization:
 
     configuration: Configuration
     tasks: Sequence[LinkTask]
-    bounds: Constraints
+    bounds: IkConstraints
     jacobians: Jacobians
 
     points: np.ndarray
@@ -210,7 +210,7 @@ class IkSolver:
             self._pairs = np.array(rows, dtype=int).reshape(-1, 2)
 
     def view(
-        self, now: Configuration, tasks: Sequence[LinkTask], bounds: Constraints
+        self, now: Configuration, tasks: Sequence[LinkTask], bounds: IkConstraints
     ) -> Linearization:
         """Compare a configuration with tasks and bounds."""
         jacobians = Jacobians(self.kinematics, *now)
