@@ -202,7 +202,7 @@ def _verdict(verdict: Verdict) -> Iterator[str]:
         for findings in verdict.causes:
             worst = worst_of(findings)
             yield (
-                f'<button class="{worst.severity}" data-time="{worst.worst_time!r}">'
+                f'<button class="{worst.severity}">'
                 f"<b>{escape(worst.check.replace('_', ' '))}</b> "
                 f"<small>{escape(_times(findings))}</small><br>"
                 f"{escape(cause_text(findings))}</button>\n"
