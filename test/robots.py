@@ -22,6 +22,17 @@ MASS = (
 BOX = '<collision><geometry><box size="1 1 1"/></geometry></collision>'
 
 
+SLIDER = """
+<robot name="slider">
+  <link name="rail"/><link name="cart"/>
+  <joint name="x" type="prismatic">
+    <parent link="rail"/><child link="cart"/><axis xyz="1 0 0"/>
+    <limit lower="-1" upper="1" effort="1" velocity="0.5"/>
+  </joint>
+</robot>
+"""
+
+
 def link(name, inside=MASS):
     """Write a link of a URDF, with mass."""
     return f'<link name="{name}">{inside}</link>'

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from robots import chains
+from robots import SLIDER, chains
 from scipy.spatial.transform import Rotation
 
 from g1_description import Robot
@@ -29,16 +29,6 @@ ARM = """
   </joint>
   <joint name="wrist" type="fixed">
     <parent link="lower"/><child link="tip"/><origin xyz="0.5 0 0"/>
-  </joint>
-</robot>
-"""
-
-SLIDER = """
-<robot name="slider">
-  <link name="rail"/><link name="cart"/>
-  <joint name="x" type="prismatic">
-    <parent link="rail"/><child link="cart"/><axis xyz="1 0 0"/>
-    <limit lower="-1" upper="1" effort="1" velocity="0.5"/>
   </joint>
 </robot>
 """

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from robots import chains
+from robots import SLIDER, chains
 from scipy.spatial.transform import Rotation
 
 from g1_description import Robot
@@ -14,16 +14,6 @@ from g1_description.errors import InvalidValueError
 from g1_description.ik.inverse_kinematics import InverseKinematics
 from g1_description.ik.keyframes import PASS, PERIOD, STOP, Keyframe, keyframe_motion
 from g1_description.ik.solver import IkSolver
-
-SLIDER = """
-<robot name="slider">
-  <link name="rail"/><link name="cart"/>
-  <joint name="x" type="prismatic">
-    <parent link="rail"/><child link="cart"/><axis xyz="1 0 0"/>
-    <limit lower="-1" upper="1" effort="1" velocity="0.5"/>
-  </joint>
-</robot>
-"""
 
 FEET = ("left_ankle_roll_link", "right_ankle_roll_link")
 BASE = np.array([0.0, 0.0, 0.7634, 0.0, 0.0, 0.0, 1.0])

@@ -376,12 +376,17 @@ def test_progress_rises_to_the_end():
     assert shares[-1] == 1.0
 
 
-def test_an_engine_that_is_not_installed_is_told_with_what_to_do(monkeypatch):
-    monkeypatch.setitem(sys.modules, "mujoco", None)
+def refusal_of_mujoco(monkeypatch):
+    """Return what is said where its library cannot be imported."""
     monkeypatch.delitem(sys.modules, "g1_description.sim.mujoco.engine", False)
     with pytest.raises(UnknownNameError) as caught:
         Conditions(engine="mujoco")
-    assert str(caught.value) == (
+    return str(caught.value)
+
+
+def test_an_engine_that_is_not_installed_is_told_with_what_to_do(monkeypatch):
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    assert refusal_of_mujoco(monkeypatch) == (
         "The engine mujoco needs mujoco, which is not installed; to install it, run: "
         "pip install mujoco==3.2.3"
     )
@@ -393,10 +398,7 @@ def test_an_engine_whose_library_is_broken_is_told(monkeypatch, tmp_path):
     (tmp_path / "mujoco.py").write_text("raise ImportError('libmujoco.so: bad ELF')")
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.delitem(sys.modules, "mujoco", False)
-    monkeypatch.delitem(sys.modules, "g1_description.sim.mujoco.engine", False)
-    with pytest.raises(UnknownNameError) as caught:
-        Conditions(engine="mujoco")
-    assert str(caught.value) == (
+    assert refusal_of_mujoco(monkeypatch) == (
         "The engine mujoco needs mujoco, which is broken (libmujoco.so: bad ELF); to "
         "install it, run: pip install mujoco==3.2.3"
     )
