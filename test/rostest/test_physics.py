@@ -124,6 +124,7 @@ class TestPhysics(unittest.TestCase):
         )
 
     def test_1_the_history_has_the_efforts_of_the_motors(self):
+        rospy.ServiceProxy("/gazebo/unpause_physics", Empty)()
         motors = Listener("/gazebo/motor_states", MotorStates)
         self.addCleanup(motors.close)
         wait_for(lambda: len(motors.messages) > 9, "states of the motors")
