@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import threading
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -38,6 +39,25 @@ class CommandStream:
     last: int
     count: int
     command: Command
+
+
+@dataclass(frozen=True, eq=False)
+class HistoryPart:
+    """States of a run, with the commands meanwhile."""
+
+    stretch: Stretch
+    commands: Sequence[CommandStream]
+    first_run: int
+    """Number of the oldest run that is kept."""
+
+    first: int
+    """Stamp of the first state of the run that is kept, in [ns]."""
+
+    last: int
+    """Stamp of its last one, in [ns]."""
+
+    note: str = ""
+    """What is missing."""
 
 
 class History:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import posixpath
 from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import rospy
 
-from g1_description.motion.history import CommandStream
-from g1_description.motion.history_chunks import Stretch, joined
+from g1_description.motion.history import CommandStream, HistoryPart
+from g1_description.motion.history_chunks import Command, Stretch, joined
 from g1_description.msg import ModelTrajectory, ReceivedCommands
 from g1_description.ros.conversions import stamp_from_ns
 from g1_description.ros.master import SERVICE_ERRORS
@@ -78,6 +80,85 @@ def commands_to_messages(streams: Iterable[CommandStream]) -> list[ReceivedComma
     ]
 
 
+class HistoryClient:
+    """Asks a robot's bridge for its history, over one connection. Not thread-safe."""
+
+    def __init__(self, service: str) -> None:
+        """Create a client; nothing is asked yet.
+
+        Args:
+            service: Name of get_history.
+        """
+        self._name = rospy.resolve_name(service)
+        self._service: rospy.ServiceProxy | None = None
+
+    def part(
+        self, begin: int = 0, end: int = 0, run: int = 0, max_states: int = 0
+    ) -> HistoryPart:
+        """Ask for the states of a range, 5000 at most.
+
+        Args:
+            begin: In [ns]; 0: from the first on. Equal to ``end``: only the last state
+                that is not later.
+            end: In [ns]; 0: to the newest.
+            run: Number of the run; 0: the newest.
+            max_states: Of more, this many are taken, evenly; 0: all.
+
+        Raises:
+            NoAnswerError: If there is no bridge.
+            RefusedError: If it keeps no history, or has no such state.
+        """
+        stamps = stamp_from_ns(begin), stamp_from_ns(end)
+        return _part(self._ask(0.0, *stamps, max_states, run))
+
+    def whole(
+        self, begin: int = 0, end: int = 0, run: int = 0, last: float = 0.0
+    ) -> HistoryPart:
+        """Ask for all states of a range, as ``part``, in as many answers as it takes.
+
+        Args:
+            begin: As of ``part``.
+            end: As of ``part``.
+            run: As of ``part``.
+            last: Length of the range up to the newest state, in [s]; 0: another one.
+
+        Raises:
+            NoAnswerError: If there is no bridge.
+            RefusedError: If it keeps no history, or has no such state.
+        """
+        answer = self._ask(last, stamp_from_ns(begin), stamp_from_ns(end), 0, run)
+        until = stamp_from_ns(end) if end else answer.last
+        parts = [_part(answer)]
+        while not answer.is_complete:
+            newest = int(parts[-1].stretch.stamps[-1])
+            answer = self._ask(0.0, stamp_from_ns(newest + 1), until, 0, answer.run)
+            parts.append(_part(answer))
+        return replace(
+            parts[0],
+            stretch=joined([part.stretch for part in parts]),
+            commands=[stream for part in parts for stream in part.commands],
+        )
+
+    def _ask(self, *request: Any) -> GetHistoryResponse:
+        """Call the service."""
+        if self._service is None:
+            self._service = rospy.ServiceProxy(self._name, GetHistory, persistent=True)
+        try:
+            return _checked(self._service(*request))
+        except SERVICE_ERRORS as error:
+            self.close()
+            raise NoAnswerError(
+                f"{self._name} does not answer; is a bridge running, and is the "
+                f"namespace right? {error}"
+            ) from error
+
+    def close(self) -> None:
+        """Close the connection; the next question makes a new one."""
+        if self._service is not None:
+            self._service.close()
+            self._service = None
+
+
 def fetch_history(seconds: float, namespace: str = "") -> tuple[Stretch, str]:
     """Ask a robot's bridge for its last states.
 
@@ -92,28 +173,36 @@ def fetch_history(seconds: float, namespace: str = "") -> tuple[Stretch, str]:
         NoAnswerError: If there is no bridge.
         RefusedError: If it keeps no history, or has no state.
     """
-    name = posixpath.join("/", namespace.strip("/"), "get_history")
-    service = rospy.ServiceProxy(name, GetHistory, persistent=True)
-    parts: list[Stretch] = []
+    client = HistoryClient(posixpath.join("/", namespace.strip("/"), "get_history"))
     try:
-        answer = _checked(service(last=seconds))
-        parts.append(stretch_from_answer(answer))
-        first, end, note = answer.first, answer.last, answer.status_message
-        while not answer.is_complete:
-            begin = stamp_from_ns(int(parts[-1].stamps[-1]) + 1)
-            answer = _checked(service(begin=begin, end=end, run=answer.run))
-            parts.append(stretch_from_answer(answer))
-    except SERVICE_ERRORS as error:
-        raise NoAnswerError(
-            f"{name} does not answer; is a bridge running, and is the namespace right? "
-            f"{error}"
-        ) from error
+        found = client.whole(last=seconds)
     finally:
-        service.close()
-    kept = (end - first).to_sec()
+        client.close()
+    kept, note = 1e-9 * (found.last - found.first), found.note
     if seconds > kept:
         note = f"the history of the bridge has only {kept:.3f} s. {note}".strip()
-    return joined(parts), note
+    return found.stretch, note
+
+
+def _part(answer: GetHistoryResponse) -> HistoryPart:
+    """Read a successful answer of get_history."""
+    streams = [
+        CommandStream(
+            one.first.to_nsec(),
+            one.last.to_nsec(),
+            one.count,
+            Command(one.sender, one.topic, one.content),
+        )
+        for one in answer.commands
+    ]
+    return HistoryPart(
+        stretch_from_answer(answer),
+        streams,
+        answer.first_run,
+        answer.first.to_nsec(),
+        answer.last.to_nsec(),
+        answer.status_message,
+    )
 
 
 def _checked(answer: GetHistoryResponse) -> GetHistoryResponse:

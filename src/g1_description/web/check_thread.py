@@ -54,26 +54,28 @@ class CheckThread:
         self._live: dict[ShownRobot, LiveCheck] = {}
         self._lock = threading.Condition()
         self._states: dict[ShownRobot, RobotState] = {}
-        self._motions: dict[ShownRobot, _Request] = {}
+        self._motions: dict[tuple[object, ShownRobot], _Request] = {}
         threading.Thread(target=self._work, daemon=True).start()
 
     def check_motion(
         self,
+        owner: object,
         robot: ShownRobot,
         motion: Motion,
         then: Callable[[Verdict], object],
         failed: Callable[[], object],
     ) -> None:
-        """Check a motion, unless another one of the robot comes before.
+        """Check a motion, unless another one of the owner and robot comes before.
 
         Args:
+            owner: Who wants to know.
             robot: The robot of the motion.
             motion: The motion.
             then: Called by the UI loop with the verdict.
             failed: Called by the UI loop on errors.
         """
         with self._lock:
-            self._motions[robot] = motion, then, failed
+            self._motions[owner, robot] = motion, then, failed
             self._lock.notify()
 
     def check_state(self, robot: ShownRobot, state: RobotState) -> None:
@@ -89,8 +91,8 @@ class CheckThread:
                 self._lock.wait_for(lambda: self._motions or self._states)
                 motions, self._motions = self._motions, {}
                 states, self._states = self._states, {}
-            for robot, (motion, then, failed) in motions.items():
-                self._try(partial(self._motion, robot, motion, then), failed)
+            for key, (motion, then, failed) in motions.items():
+                self._try(partial(self._motion, key, motion, then), failed)
             for robot, state in states.items():
                 if not self._failure(robot):
                     self._try(partial(self._state, robot, state))
@@ -110,13 +112,16 @@ class CheckThread:
             self._ui.post(("check", str(error)), partial(_raise, error))
 
     def _motion(
-        self, robot: ShownRobot, motion: Motion, then: Callable[[Verdict], object]
+        self,
+        key: tuple[object, ShownRobot],
+        motion: Motion,
+        then: Callable[[Verdict], object],
     ) -> None:
-        verdict = self._checker(robot).check(motion)
+        verdict = self._checker(key[1]).check(motion)
         found = replace(
             verdict, measured=None
         )  # measurements of long motions need much memory
-        self._ui.post(("motion", robot), lambda: then(found))
+        self._ui.post(("motion", *key), lambda: then(found))
 
     def _state(self, robot: ShownRobot, state: RobotState) -> None:
         if robot not in self._live:

@@ -32,6 +32,7 @@ class StillRobot:
     """A robot that is moved only by commands and motions."""
 
     joint_topic = "/joint_commands"
+    history = None
 
     def __init__(self, name: str, description: Description) -> None:
         """Place it on the floor, with joints at zero or the nearest limit.

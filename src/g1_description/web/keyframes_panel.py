@@ -21,6 +21,7 @@ from g1_description.ik.keyframes import (
 from g1_description.ik.posing import Posing
 from g1_description.motion.files.formats import write_motion
 from g1_description.motion.motion import Motion
+from g1_description.robot.description import Description
 from g1_description.robot.poses import (
     Pose,
     check_name,
@@ -292,11 +293,7 @@ class KeyframesPanel:
                 raise InvalidValueError(
                     "There is no motion: take two keyframes, or wait until it is made."
                 )
-            file = folder() / f"{name}.csv"
-            if file.exists():
-                raise InvalidValueError(f"{file} already exists: choose another name.")
-            file.parent.mkdir(parents=True, exist_ok=True)
-            write_motion(file, self._made, self._robot.description)
+            file = save_motion(name, self._made, self._robot.description)
             self._ui.tell(f"Saved {file}.", "green")
             return
         if not self.frames:
@@ -317,6 +314,20 @@ class KeyframesPanel:
             save_pose(pose, user_file())
         self.saved()
         self._ui.tell(f"Saved {names[0]} to {names[-1]} in {user_file()}.", "green")
+
+
+def save_motion(name: str, motion: Motion, robot: Description) -> Path:
+    """Save a motion in the folder.
+
+    Raises:
+        G1DescriptionError: If there is one of that name, or it cannot be written.
+    """
+    file = folder() / f"{name}.csv"
+    if file.exists():
+        raise InvalidValueError(f"{file} already exists: choose another name.")
+    file.parent.mkdir(parents=True, exist_ok=True)
+    write_motion(file, motion, robot)
+    return file
 
 
 def folder() -> Path:

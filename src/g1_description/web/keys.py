@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
+from g1_description.web.history_panel import HistoryPanel
 from g1_description.web.keyframes_panel import TAKE
 from g1_description.web.motion_panel import MotionPanel
 from g1_description.web.reach_panel import REDO, UNDO
@@ -32,7 +33,11 @@ class Key(NamedTuple):
 
 
 def keys_of(
-    motion: MotionPanel, view: ViewPanel, shown: Shown, has_library: bool
+    motion: MotionPanel,
+    view: ViewPanel,
+    shown: Shown,
+    history: HistoryPanel | None,
+    has_library: bool,
 ) -> list[Key]:
     """List the keys of a page.
 
@@ -40,14 +45,24 @@ def keys_of(
         motion: Plays the motion.
         view: Follows the robot.
         shown: The first robot.
+        history: Shows the past, where it is kept.
         has_library: Whether the page has a list of motions, whose key is K, too.
     """
+
+    def step(way: str) -> None:
+        if history is not None and history.is_past:
+            history.step(way)
+        else:
+            motion.step(way)
+
     keys = [
         Key("space", None, "Space", "play, or pause", motion.toggle),
-        Key("arrowleft", None, "←", "one sample back", lambda: motion.step("-1")),
-        Key("arrowright", None, "→", "one sample on", lambda: motion.step("+1")),
+        Key("arrowleft", None, "←", "one sample back", lambda: step("-1")),
+        Key("arrowright", None, "→", "one sample on", lambda: step("+1")),
         Key("F", None, "F", "follow the robot, or do not", view.toggle_follow),
     ]
+    if history is not None:
+        keys.append(Key("L", None, "L", "back from the past to live", history.live))
     reach, keyframes = shown.reach, shown.keyframes
     if reach is not None and keyframes is not None:
         take = Key("K", None, "K", "take a keyframe", lambda: keyframes.change(TAKE))

@@ -5,7 +5,8 @@ Subscribes, while the page is open: robot_state, or else joint_states and TF, as
 Publishes: joint_commands (sensor_msgs/JointState), base_command
     (geometry_msgs/PoseStamped), motion (g1_description/RobotTrajectory)
 Calls: play_motion (g1_description/PlayMotion), set_anchor (g1_description/SetAnchor),
-    get_anchor of the simulator (g1_description/GetAnchor)
+    get_history (g1_description/GetHistory), get_anchor of the simulator
+    (g1_description/GetAnchor)
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from g1_description.robot.assembly import WORLD, base_of
 from g1_description.robot.description import Description
 from g1_description.robot.state import RobotState
 from g1_description.ros.conversions import pose_from_array
+from g1_description.ros.history import HistoryClient
 from g1_description.ros.lifecycle import quiet_when_closing
 from g1_description.ros.log import ThrottledLog
 from g1_description.ros.master import SERVICE_ERRORS
@@ -92,6 +94,9 @@ class LiveRobot:
             f"/{gazebo.strip('/')}/get_anchor", GetAnchor
         )
         self._has_simulator = bool(gazebo)
+        self.history: HistoryClient | None = HistoryClient(
+            topic_of(parameters, "get_history")
+        )
 
     def watch(self, log: ThrottledLog) -> None:
         """Subscribe."""

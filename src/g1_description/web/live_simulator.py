@@ -3,7 +3,9 @@
 Calls, below the simulator's name: get_physics_properties
     (gazebo_msgs/GetPhysicsProperties), pause_physics, unpause_physics, reset_world
     (std_srvs/Empty), step (g1_description/Step), set_real_time_factor
-    (g1_description/SetRealTimeFactor), set_gantry (g1_description/SetGantry)
+    (g1_description/SetRealTimeFactor), set_gantry (g1_description/SetGantry),
+    set_model_configuration (gazebo_msgs/SetModelConfiguration), set_model_state
+    (gazebo_msgs/SetModelState)
 """
 
 from __future__ import annotations
@@ -12,11 +14,18 @@ import threading
 import time
 
 import rospy
-from gazebo_msgs.srv import GetPhysicsProperties
+from gazebo_msgs.msg import ModelState
+from gazebo_msgs.srv import (
+    GetPhysicsProperties,
+    SetModelConfiguration,
+    SetModelState,
+)
 from std_srvs.srv import Empty
 
 from g1_description.robot.launch_arguments import ENGINES
+from g1_description.robot.state import RobotState
 from g1_description.ros.connection import Connection
+from g1_description.ros.conversions import pose_from_array
 from g1_description.ros.master import SLAVE_API_ERRORS
 from g1_description.srv import SetGantry, SetRealTimeFactor, Step
 
@@ -103,6 +112,11 @@ class LiveSimulator:
         """Whether simulated time is paused."""
         return bool(self._paused)
 
+    @property
+    def is_kinematic(self) -> bool:
+        """Whether configurations are set without physics."""
+        return self._physics == "kinematic"
+
     def pause(self) -> None:
         """Pause simulated time."""
         self._call("pause_physics", Empty)
@@ -130,6 +144,26 @@ class LiveSimulator:
         self._call(
             "set_gantry", SetGantry, model_name=robot, enable=is_on, length=length
         )
+
+    def place(self, robot: str, state: RobotState) -> None:
+        """Put a robot to a state, at rest, while time is paused."""
+        was_paused = self.is_paused
+        self.pause()
+        try:
+            self._call(
+                "set_model_configuration",
+                SetModelConfiguration,
+                model_name=robot,
+                joint_names=state.names,
+                joint_positions=state.positions.tolist(),
+            )
+            if state.base_pose is not None:
+                pose = pose_from_array(state.base_pose)
+                base = ModelState(model_name=robot, pose=pose)
+                self._call("set_model_state", SetModelState, model_state=base)
+        finally:
+            if not was_paused:
+                self.go_on()
 
     def _call(self, service: str, kind: type, **fields) -> None:
         """Call a service.

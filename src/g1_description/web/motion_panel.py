@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import threading
 import time
 from collections.abc import Callable
 from functools import partial
@@ -17,43 +16,10 @@ from g1_description.web.check_thread import CheckThread
 from g1_description.web.controls import EditGuard
 from g1_description.web.findings_panel import FindingList, plain
 from g1_description.web.robot import Player, ShownRobot, ShownWorld
-from g1_description.web.ui_loop import UiLoop
+from g1_description.web.ui_loop import Newest, UiLoop
 
 if TYPE_CHECKING:
     from viser import GuiApi
-
-
-class Scrub:
-    """Shows the newest requested time; older requests are dropped."""
-
-    def __init__(self, ui: UiLoop) -> None:
-        self._ui = ui
-        self._lock = threading.Lock()
-        self._requested: tuple[Player, float] | None = None
-        self._is_busy = False
-
-    def to(self, player: Player, at: float) -> None:
-        """Show a time soon."""
-        with self._lock:
-            self._requested = player, at
-            if self._is_busy:
-                return
-            self._is_busy = True
-        self._ui.wait_for(self._show)
-
-    def _show(self) -> None:
-        while True:
-            with self._lock:
-                if self._requested is None:
-                    self._is_busy = False
-                    return
-                (player, at), self._requested = self._requested, None
-            try:
-                player.show(at)
-            except Exception:
-                with self._lock:
-                    self._requested, self._is_busy = None, False
-                raise
 
 
 STEP = 0.001
@@ -114,7 +80,7 @@ class MotionPanel:
         """Called when a motion is opened."""
         self.checked: Callable[[str, Verdict], object] = lambda name, verdict: None
         """Called with the name of an open motion and its verdict."""
-        self._scrub = Scrub(ui)
+        self._scrub = Newest(ui)
         self._guard = EditGuard(HELD)
         self._looked = 0.0
         self._again = math.inf
@@ -219,6 +185,7 @@ class MotionPanel:
         self._title.content = "\n\n".join(self._titles.values())
         self._findings[robot].begin(name)
         self._checks.check_motion(
+            self,
             robot,
             motion,
             partial(self._checked, name, robot, motion),
@@ -313,7 +280,7 @@ class MotionPanel:
         if to != self._line.value:
             self._line.value = to
         self._guard.hold(self._line)
-        self._scrub.to(player, to)
+        self._scrub.wait_for(partial(player.show, to))
 
     def follow(self) -> None:
         """Update the time line, and repeat the motion if selected."""

@@ -20,6 +20,7 @@ from g1_description.robot.state import RobotState
 from g1_description.web.check_thread import CheckThread, MakeChecker
 from g1_description.web.controls import BasePanel, JointPanel, PosePanel
 from g1_description.web.findings_panel import plain
+from g1_description.web.history_panel import HistoryPanel
 from g1_description.web.keyframes_panel import KeyframesPanel
 from g1_description.web.keys import add_keys, keys_of
 from g1_description.web.library import Library
@@ -104,6 +105,7 @@ class Page:
             control_width="large", show_logo=False, show_share_button=False
         )
         self._lack = gui.add_markdown("", visible=False)
+        past = gui.add_markdown("", visible=False)
         self._simulator = None
         if self._world.simulator is not None:
             robot, simulator = self._world.robots[0].name, self._world.simulator
@@ -125,6 +127,12 @@ class Page:
                     self._add_controls(shown)
         if not motion_first:
             self._add_motion(tabs)
+        self._history: HistoryPanel | None = None
+        if not self._read_only and self._world.can_move and self._has_history:
+            with tabs.add_tab("History"):
+                self._history = HistoryPanel(
+                    gui, self.ui, self._world, self._checks, self.motion, past
+                )
         self._view: ViewPanel | None = None
         self._plots: PlotPanel | None = None
         if library is not None and folder is not None:
@@ -132,6 +140,11 @@ class Page:
                 library.add_list(self.motion)
         if not self._read_only:
             self._add_looks(tabs)
+
+    @property
+    def _has_history(self) -> bool:
+        """Whether the past of robots is kept."""
+        return any(robot.history is not None for robot in self._world.robots)
 
     def _add_motion(self, tabs: GuiTabGroupHandle) -> None:
         """Add the tab of the motion, and of what is found."""
@@ -157,7 +170,8 @@ class Page:
             if world.can_arrange:
                 self._add_arrangement()
             has_library = self._library is not None
-            keys = keys_of(self.motion, self._view, self._shown[0], has_library)
+            first, history = self._shown[0], self._history
+            keys = keys_of(self.motion, self._view, first, history, has_library)
             add_keys(gui, self.ui, keys)
         with tabs.add_tab("Plots"):
             robots = [shown.robot for shown in self._shown]
@@ -276,13 +290,16 @@ class Page:
         if self._simulator is not None:
             self._simulator.follow()
         self.motion.follow()
-        states: dict[ShownRobot, RobotState] = {}
+        if self._history is not None:
+            self._history.follow()
+        seen: dict[ShownRobot, RobotState] = {}
+        newest: dict[ShownRobot, RobotState] = {}
         for shown in self._shown:
-            self.ui.guarded(partial(self._show, shown, states))
-        self._tell_lack(states)
-        self._follow(states)
+            self.ui.guarded(partial(self._show, shown, seen, newest))
+        self._tell_lack(seen)
+        self._follow(seen)
         if self._plots is not None:
-            self._plots.add(states, self.motion.player)
+            self._plots.add(newest, self.motion.player)
 
     def _follow(self, states: Mapping[ShownRobot, RobotState]) -> None:
         """Keep the first robot in the centre, if switched on."""
@@ -314,17 +331,23 @@ class Page:
     def _show(
         self,
         shown: Shown,
-        states: dict[ShownRobot, RobotState],
+        seen: dict[ShownRobot, RobotState],
+        newest: dict[ShownRobot, RobotState],
     ) -> None:
-        """Show the state of a robot, and add it to the states."""
-        state = shown.robot.state()
-        if state is None:
+        """Show a robot, and add the shown and the newest state to those of all."""
+        now = shown.robot.state()
+        past = None
+        if self._history is not None:
+            past = self._history.past(shown.robot)
+        if now is None:
             return
         view = self._view
-        states[shown.robot] = state
-        shown.show(state)
+        state = now if past is None else past
+        seen[shown.robot], newest[shown.robot] = state, now
+        shown.show(state, now)
         shown.show_commanded(view is not None and bool(view.ghost.value))
-        shown.trail(view is not None and bool(view.trails.value))
+        if past is None:
+            shown.trail(view is not None and bool(view.trails.value))
         if view is None or view.checks.value:
             if shown.must_be_checked():
                 self._checks.check_state(shown.robot, state)
@@ -350,7 +373,9 @@ class Page:
             found = [f"- {plain(f.text)}" for f in verdict.findings[:MAX_LINES]]
             more = len(verdict.findings) - MAX_LINES
             found += [f"- and {more} more"] if more > 0 else []
-            lines += [f"**Now{whose}:**" + ("" if found else " nothing found.")]
+            is_past = self._history is not None and self._history.past(robot)
+            when = "Then" if is_past else "Now"
+            lines += [f"**{when}{whose}:**" + ("" if found else " nothing found.")]
             lines += ["", *found, ""] if found else [""]
         text = "\n".join(lines)
         if self._now.content != text:

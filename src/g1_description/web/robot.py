@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 from threading import Event
-from typing import Protocol, Sequence
+from typing import TYPE_CHECKING, Protocol, Sequence
 
 import numpy as np
 
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.robot.state import RobotState
+
+if TYPE_CHECKING:
+    from g1_description.ros.history import HistoryClient
 
 
 class ShownRobot(Protocol):
@@ -24,6 +27,8 @@ class ShownRobot(Protocol):
     anchor: str
     """Link that stays at its place while joints move, or ``lowest_foot``; empty:
     none."""
+    history: HistoryClient | None
+    """Its past, which blocks; None: there is none."""
 
     def state(self) -> RobotState | None:
         """Return its newest state; None if there is none yet."""
@@ -93,6 +98,10 @@ class Simulator(Protocol):
     def is_paused(self) -> bool:
         """Whether simulated time is paused; does not block."""
 
+    @property
+    def is_kinematic(self) -> bool:
+        """Whether configurations are set without physics; does not block."""
+
     def pause(self) -> None:
         """Pause simulated time."""
 
@@ -110,6 +119,9 @@ class Simulator(Protocol):
 
     def hang(self, robot: str, is_on: bool, length: float) -> None:
         """Hang a robot on a rope of a length in [m], or let it go."""
+
+    def place(self, robot: str, state: RobotState) -> None:
+        """Put a robot to a state, at rest."""
 
 
 class ShownWorld(Protocol):

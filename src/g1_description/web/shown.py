@@ -71,16 +71,16 @@ class Shown:
             or (self.reach is not None and self.reach.has_gizmos)
         )
 
-    def show(self, state: RobotState) -> None:
-        """Show where the robot is."""
+    def show(self, state: RobotState, newest: RobotState) -> None:
+        """Show a state, which may be past; the controls follow the newest one."""
         self._state = state
         self.body.show(state.base_pose, state.positions_by_name)
         if self.joints is not None:
-            self.joints.follow(state)
+            self.joints.follow(newest)
         if self.base is not None:
-            self.base.follow(state)
+            self.base.follow(newest)
         if self.reach is not None:
-            self.reach.follow(state)
+            self.reach.follow(newest)
 
     def show_commanded(self, is_on: bool) -> None:
         """Show the commanded configuration, where it differs from the measured one."""
@@ -119,8 +119,8 @@ class Shown:
     def mark(self, state: RobotState, verdict: Verdict) -> None:
         """Mark the findings of a state."""
         self.body.redden(red_links(verdict))
-        newest = self._state or state
-        if state.base_pose is not None and newest.time - state.time < STALE:
+        seen = self._state or state
+        if state.base_pose is not None and abs(seen.time - state.time) < STALE:
             draw_marks(self._canvas, verdict, LIMIT_MARGIN)
         self._canvas.show()
 

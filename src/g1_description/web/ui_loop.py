@@ -141,3 +141,39 @@ class UiLoop:
             client.add_notification(
                 "g1_description", text, auto_close_seconds=SHOWN, color=color
             )
+
+
+class Newest:
+    """Lets the thread that waits do the newest of several things; others are dropped.
+
+    Such as to show the times of a slider that is dragged.
+    """
+
+    def __init__(self, ui: UiLoop) -> None:
+        self._ui = ui
+        self._lock = threading.Lock()
+        self._act: Callable[[], object] | None = None
+        self._is_busy = False
+
+    def wait_for(self, act: Callable[[], object]) -> None:
+        """Let it be done soon."""
+        with self._lock:
+            self._act = act
+            if self._is_busy:
+                return
+            self._is_busy = True
+        self._ui.wait_for(self._do)
+
+    def _do(self) -> None:
+        while True:
+            with self._lock:
+                act, self._act = self._act, None
+                if act is None:
+                    self._is_busy = False
+                    return
+            try:
+                act()
+            except Exception:
+                with self._lock:
+                    self._act, self._is_busy = None, False
+                raise
