@@ -4,12 +4,8 @@ What needs no robot is in test/web/test_web_script.py, what needs no browser in
 test/web/test_web_page.py.
 """
 
-import os
 import re
 import shlex
-import signal
-import subprocess
-import threading
 
 import numpy as np
 import pytest
@@ -21,8 +17,9 @@ from gazebo_msgs.srv import GetWorldProperties
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 from support import browser
+from support.pages import opened_page
 from support.pictures import read_picture, share_changed
-from support.ros_testing import DEADLINE, Connected, position_of, service, wait_for
+from support.ros_testing import Connected, position_of, service, wait_for
 
 import g1_description
 from g1_description.cli import doctor
@@ -60,28 +57,8 @@ def write_motion(path):
 @pytest.fixture(scope="module")
 def address(tmp_path_factory):
     """Start the page of the robot that runs; give its address."""
-    launch = "roslaunch --wait g1_description web.launch port:=0 ghost:=true"
-    process = subprocess.Popen(
-        launch.split(),
-        env={**os.environ, "ROS_HOME": str(tmp_path_factory.mktemp("home"))},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        universal_newlines=True,
-        start_new_session=True,
-    )
-    told = []
-    for line in process.stdout:
-        told.append(line)
-        found = re.search(r"open (http://\S+)", line)
-        if found:
-            break
-    else:
-        raise AssertionError("".join(told))
-    # Who cannot write stops.
-    threading.Thread(target=process.stdout.read, daemon=True).start()
-    yield found.group(1)
-    process.send_signal(signal.SIGINT)
-    process.wait(DEADLINE)
+    with opened_page(tmp_path_factory.mktemp("home")) as found:
+        yield found
 
 
 @pytest.fixture(scope="module")

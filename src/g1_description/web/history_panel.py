@@ -163,10 +163,11 @@ class HistoryPanel:
         self._looked = now
         newest = self._robot.state()
         stamp = 0 if newest is None else newest.stamp
-        if stamp < self._live_stamp and self._run:  # a reset
-            self._run += 1
-        self._live_stamp = stamp
         text, state, line = "", self._state, self._line
+        was_newest = line is not None and line.run == self._run
+        if line is not None and was_newest and stamp < min(self._live_stamp, line.end):
+            self._run += 1  # a reset
+        self._live_stamp = stamp
         if state is not None and line is not None:
             when = f"{1e-9 * (stamp - state.stamp):.2f} s ago ({state.time:.3f} s)"
             if line.run != self._run or stamp < state.stamp:
