@@ -46,7 +46,7 @@ def test_a_wrong_command_line_ends_with_a_sentence(words, told, capsys):
 
 
 def test_a_pose_without_a_name_is_not_saved():
-    with pytest.raises(PoseFileError, match="Invalid name of a pose: ''"):
+    with pytest.raises(PoseFileError, match="Invalid name: ''"):
         save(parse(PoseOptions, "pose", ["--save", ""]))
 
 

@@ -151,13 +151,13 @@ def test_a_fault_is_found_saved_checked_and_gone_back_to(client, states, home):
     # Saved, once only.
     file = home / "g1_description" / "motions" / "fault.csv"
     client.set("File name", "fault")
-    client.press("Save")
+    client.press("Save this stretch")
     wait_for(file.exists, "the file")
     saved = read_motion(file, model.description)
     assert saved.duration == pytest.approx(10.0, abs=0.03)
     assert "self_collision" in {f.check for f in model.check(saved).findings}
     content = file.read_bytes()
-    client.press("Save")
+    client.press("Save this stretch")
     client.wait_for(
         lambda: any("already exists" in str(e) for e in [*client.elements.values()]),
         "a refusal",
@@ -167,7 +167,7 @@ def test_a_fault_is_found_saved_checked_and_gone_back_to(client, states, home):
     # Checked: its button leads there again.
     client.press("Live")
     client.wait_for(lambda: not told(client, PAST), "live")
-    client.press("Check")
+    client.press("Check this stretch")
     label = r"([\d.]+) s  self collision"
     button = client.wait_for(
         lambda: next(

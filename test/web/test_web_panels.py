@@ -30,16 +30,14 @@ from g1_description.errors import (
     InvalidValueError,
     UnknownNameError,
 )
-from g1_description.motion.motion import Motion
 from g1_description.robot import poses as robot_poses
 from g1_description.robot.description import Joint
 from g1_description.robot.poses import parse_poses
 from g1_description.robot.state import RobotState
 from g1_description.robot.transform import IDENTITY
-from g1_description.web import controls, plots
+from g1_description.web import controls
 from g1_description.web import findings_panel as findings
 from g1_description.web.controls import JointPanel, slider_range
-from g1_description.web.plots import PlotPanel
 from g1_description.web.show import configuration_command, configuration_yaml
 from g1_description.web.simulator_panel import SimulatorPanel
 from g1_description.web.ui_loop import UiLoop
@@ -452,78 +450,6 @@ def test_a_pose_is_saved_under_a_new_name_or_where_it_is_wanted(poses):
     panel._name.value, shown.where = "third", None
     with pytest.raises(InvalidValueError, match="no state has been received"):
         panel._save()
-
-
-# --- plots ---
-
-
-def add_plot(server, ui, *robots, joints=()):
-    panel = PlotPanel(server.gui, ui, [*robots])
-    panel._chosen = [*joints]
-    return panel
-
-
-def test_lines_of_the_past_are_measured_and_commanded(server, ui):
-    shown = Shown()
-    panel = add_plot(server, ui, shown, joints=["to_c"])
-    for value in (0.1, 0.2, 0.3):
-        commanded = {"to_c": 10 * value} if value > 0.1 else {}
-        panel.add({shown: state({"to_c": value}, commanded)}, None)
-    times, measured, commanded = panel._data(None)
-    assert (np.diff(times) >= 0).all() and times[-1] <= 0.0
-    np.testing.assert_allclose(measured, [0.1, 0.2, 0.3])
-    np.testing.assert_allclose(commanded, [np.nan, 2.0, 3.0])
-
-
-def test_what_is_not_known_is_a_gap(server, ui):
-    one, other = Shown(name="one"), Shown(name="other")
-    panel = add_plot(server, ui, one, other, joints=["other: to_b"])
-    panel.add({one: one.where}, None)
-    panel.add({one: one.where, other: other.where}, None)
-    panel.add({other: state({"to_c": 1.0})}, None)
-    _, measured, _ = panel._data(None)
-    np.testing.assert_allclose(measured, [np.nan, 0.0, np.nan])
-
-
-def test_a_plot_without_a_past_has_no_line(server, ui):
-    panel = add_plot(server, ui, Shown(), joints=["to_b"])
-    times, *lines = panel._data(None)
-    assert len(times) == 2
-    assert np.isnan(lines).all()
-
-
-def test_lines_of_the_whole_motion(server, ui):
-    class At:
-        time = 0.0
-
-    shown = Shown()
-    panel = add_plot(server, ui, shown, joints=["to_b", "to_c"])
-    panel._span.value = plots.WHOLE
-    times = np.linspace(0.0, 1.0, 5)
-    motion = Motion(times, ("to_b",), times[:, np.newaxis] ** 2)
-    panel.motions = {shown: motion}
-    for at in (0.75, 0.25):  # scrubbed, not in order
-        At.time = at
-        panel.add({shown: state({"to_b": at + 1, "to_c": 5.0})}, At)
-    drawn, measured, planned, other, no_goal = panel._data(At)
-    np.testing.assert_allclose(drawn, times)
-    np.testing.assert_allclose(planned, times**2)
-    np.testing.assert_allclose(measured, [np.nan, 1.25, 1.5, 1.75, np.nan])
-    np.testing.assert_allclose(other, [np.nan, 5, 5, 5, np.nan])
-    assert np.isnan(no_goal).all()
-    panel.forget()
-    assert np.isnan(panel._data(At)[1]).all()
-
-
-def test_long_motions_have_fewer_points(server, ui):
-    shown = Shown()
-    panel = add_plot(server, ui, shown, joints=["to_b"])
-    panel._span.value = plots.WHOLE
-    times = np.arange(9 * plots.MAX_POINTS) / 100.0
-    panel.motions = {shown: Motion(times, ("to_b",), times[:, None])}
-    lengths = {len(line) for line in panel._data(None)}
-    assert len(lengths) == 1
-    assert lengths.pop() <= 2 * plots.MAX_POINTS
 
 
 # --- the simulator ---

@@ -298,15 +298,15 @@ def _one_line(text: str) -> str:
 
 
 def check_name(name: object) -> None:
-    """Check the name of a pose.
+    """Check the name of a pose, or of a file.
 
     Raises:
         PoseFileError: If it is invalid.
     """
     if not isinstance(name, str) or not _NAME.fullmatch(name):
         raise PoseFileError(
-            f"Invalid name of a pose: {name!r}. Names must begin with a letter and "
-            "contain only letters, digits, _ and -."
+            f"Invalid name: {name!r}. Names must begin with a letter and contain only "
+            "letters, digits, _ and -."
         )
 
 

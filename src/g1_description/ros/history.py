@@ -93,7 +93,12 @@ class HistoryClient:
         self._service: rospy.ServiceProxy | None = None
 
     def part(
-        self, begin: int = 0, end: int = 0, run: int = 0, max_states: int = 0
+        self,
+        begin: int = 0,
+        end: int = 0,
+        run: int = 0,
+        max_states: int = 0,
+        last: float = 0.0,
     ) -> HistoryPart:
         """Ask for the states of a range, 5000 at most.
 
@@ -103,13 +108,14 @@ class HistoryClient:
             end: In [ns]; 0: to the newest.
             run: Number of the run; 0: the newest.
             max_states: Of more, this many are taken, evenly; 0: all.
+            last: Length of the range up to the newest state, in [s]; 0: another one.
 
         Raises:
             NoAnswerError: If there is no bridge.
             RefusedError: If it keeps no history, or has no such state.
         """
         stamps = stamp_from_ns(begin), stamp_from_ns(end)
-        return _part(self._ask(0.0, *stamps, max_states, run))
+        return _part(self._ask(last, *stamps, max_states, run))
 
     def whole(
         self, begin: int = 0, end: int = 0, run: int = 0, last: float = 0.0
@@ -120,7 +126,7 @@ class HistoryClient:
             begin: As of ``part``.
             end: As of ``part``.
             run: As of ``part``.
-            last: Length of the range up to the newest state, in [s]; 0: another one.
+            last: As of ``part``.
 
         Raises:
             NoAnswerError: If there is no bridge.

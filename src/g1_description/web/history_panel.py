@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Callable
 from g1_description.checks.verdict import Verdict
 from g1_description.errors import G1DescriptionError, InvalidValueError
 from g1_description.motion.history import CommandStream, HistoryPart
-from g1_description.robot.poses import check_name
+from g1_description.motion.history_chunks import Stretch
 from g1_description.robot.state import RobotState
 from g1_description.web.check_thread import CheckThread
 from g1_description.web.findings_panel import FindingList, plain
@@ -121,10 +121,14 @@ class HistoryPanel:
             hint="put the robot to the shown state, at rest; physics does not go on "
             "from there to the last bit",
         )
-        check = gui.add_button("Check", hint="the time line")
-        self._name = gui.add_text("File name", "history")
-        save = gui.add_button("Save", hint=f"the time line as a motion into {folder()}")
+        check = gui.add_button("Check this stretch", hint="the time line")
+        self._name = gui.add_text(
+            "File name", "history", hint="a motion; a bag if it ends in .bag"
+        )
+        save = gui.add_button("Save this stretch", hint=f"into {folder()}")
         self._problem = gui.add_markdown("", visible=False)
+        self.found = gui.add_markdown("")
+        """What is found at the shown time."""
         self._list = gui.add_markdown("")
         ui.on(self._whose, self.live)
         ui.on(self._runs, self._choose_run)
@@ -148,11 +152,55 @@ class HistoryPanel:
         is_chosen = self._line is not None and self._line.robot is robot
         return self._state if is_chosen else None
 
+    @property
+    def shown_time(self) -> float | None:
+        """The past time that is shown, in [s]; None: live."""
+        return None if self._state is None else self._state.time
+
+    @property
+    def place(self) -> object:
+        """Which part of which past is on the time line; None: the present."""
+        line = self._line
+        return line and (line.robot, line.run, line.end, self._seconds)
+
+    def states_of(
+        self, robot: ShownRobot, few: int, many: int
+    ) -> Callable[[], Stretch | None]:
+        """Return what asks for the states on the time line of a robot; it blocks.
+
+        Args:
+            robot: The robot.
+            few: Of the present, this many states are taken.
+            many: Of the past, this many.
+        """
+        length, line = self._seconds * SECOND, self._line
+
+        def ask() -> Stretch | None:
+            history = robot.history
+            if history is None:
+                return None
+            if line is not None and line.robot is robot and line.end:
+                begin = max(line.end - length, 1)
+                return history.part(begin, line.end, line.run, many).stretch
+            return history.part(max_states=few, last=1e-9 * length).stretch
+
+        return ask
+
+    def go_to(self, robot: ShownRobot | None, at: float) -> None:
+        """Show a robot at a past time, in [s]; None: the chosen one."""
+        line = self._line
+        if line is None or robot not in (None, line.robot):
+            if robot is not None:
+                self._whose.value = robot.name
+            self._line = None
+            line = self._leave()
+        self._show(line, min(round(SECOND * at), line.end or round(SECOND * at)))
+
     def live(self) -> None:
         """Show the robot as it is now."""
         self._line = self._state = None
         self._back.value = 0.0
-        self._list.content = ""
+        self._list.content = self.found.content = ""
         self._tell("")
 
     def follow(self) -> None:
@@ -391,12 +439,12 @@ class HistoryPanel:
     def _save(self) -> None:
         """Save the time line as a motion."""
         name = self._name.value.strip()
-        check_name(name)
         line = self._line or Line(self._robot, 0, self._now())
 
         def save() -> None:
-            motion = self._whole(line).stretch.motion()
-            file = save_motion(name, motion, line.robot.description)
+            stretch = self._whole(line).stretch
+            motion, begin = stretch.motion(), int(stretch.stamps[0])
+            file = save_motion(name, motion, line.robot.description, begin)
             self._ui.tell(f"Saved {file}, {motion.duration:.2f} s.", "green")
 
         self._ui.wait_for(save)

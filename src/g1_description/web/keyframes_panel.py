@@ -287,7 +287,6 @@ class KeyframesPanel:
             G1DescriptionError: If there is nothing to save, or it cannot be written.
         """
         name = self._name.value.strip()
-        check_name(name)
         if what == MOTION:
             if self._made is None:
                 raise InvalidValueError(
@@ -298,6 +297,7 @@ class KeyframesPanel:
             return
         if not self.frames:
             raise InvalidValueError("There is no keyframe: take one first.")
+        check_name(name)
         names = [f"{name}_{number}" for number in range(1, len(self.frames) + 1)]
         file = user_file()
         used = {*read_poses(self._robot.description)}
@@ -316,17 +316,30 @@ class KeyframesPanel:
         self._ui.tell(f"Saved {names[0]} to {names[-1]} in {user_file()}.", "green")
 
 
-def save_motion(name: str, motion: Motion, robot: Description) -> Path:
+def save_motion(name: str, motion: Motion, robot: Description, begin: int = 1) -> Path:
     """Save a motion in the folder.
+
+    Args:
+        name: Of the file; without an extension it is a CSV.
+        motion: The motion.
+        robot: Whose motion it is.
+        begin: Stamp of a bag's first sample, in [ns].
 
     Raises:
         G1DescriptionError: If there is one of that name, or it cannot be written.
     """
-    file = folder() / f"{name}.csv"
+    stem, dot, ending = name.partition(".")
+    check_name(stem)
+    file = folder() / (name if dot else f"{stem}.csv")
     if file.exists():
         raise InvalidValueError(f"{file} already exists: choose another name.")
     file.parent.mkdir(parents=True, exist_ok=True)
-    write_motion(file, motion, robot)
+    if ending == "bag":  # which needs ROS
+        from g1_description.bridge.recorded_file import write_motion_file
+
+        write_motion_file(file, motion, robot, begin=begin)
+    else:
+        write_motion(file, motion, robot)
     return file
 
 

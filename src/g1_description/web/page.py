@@ -175,7 +175,9 @@ class Page:
             add_keys(gui, self.ui, keys)
         with tabs.add_tab("Plots"):
             robots = [shown.robot for shown in self._shown]
-            self._plots = PlotPanel(gui, self.ui, robots)
+            self._plots = PlotPanel(
+                gui, self.ui, robots, self.motion, history, self._collisions
+            )
 
     def _one_file(self) -> str:
         """Write a page of the first robot: of its open motion, or as it is now.
@@ -250,8 +252,7 @@ class Page:
     def _on_opened(self) -> None:
         """Plot another motion."""
         if self._plots is not None:
-            self._plots.forget()
-            self._plots.motions = self.motion.motions
+            self._plots.refresh()
 
     # --- drawing ---
 
@@ -293,13 +294,12 @@ class Page:
         if self._history is not None:
             self._history.follow()
         seen: dict[ShownRobot, RobotState] = {}
-        newest: dict[ShownRobot, RobotState] = {}
         for shown in self._shown:
-            self.ui.guarded(partial(self._show, shown, seen, newest))
+            self.ui.guarded(partial(self._show, shown, seen))
         self._tell_lack(seen)
         self._follow(seen)
         if self._plots is not None:
-            self._plots.add(newest, self.motion.player)
+            self._plots.follow()
 
     def _follow(self, states: Mapping[ShownRobot, RobotState]) -> None:
         """Keep the first robot in the centre, if switched on."""
@@ -332,9 +332,8 @@ class Page:
         self,
         shown: Shown,
         seen: dict[ShownRobot, RobotState],
-        newest: dict[ShownRobot, RobotState],
     ) -> None:
-        """Show a robot, and add the shown and the newest state to those of all."""
+        """Show a robot, and add the shown state to those of all."""
         now = shown.robot.state()
         past = None
         if self._history is not None:
@@ -343,7 +342,7 @@ class Page:
             return
         view = self._view
         state = now if past is None else past
-        seen[shown.robot], newest[shown.robot] = state, now
+        seen[shown.robot] = state
         shown.show(state, now)
         shown.show_commanded(view is not None and bool(view.ghost.value))
         if past is None:
@@ -378,5 +377,9 @@ class Page:
             lines += [f"**{when}{whose}:**" + ("" if found else " nothing found.")]
             lines += ["", *found, ""] if found else [""]
         text = "\n".join(lines)
-        if self._now.content != text:
-            self._now.content = text
+        told = [self._now]
+        if self._history is not None and self._history.is_past:
+            told.append(self._history.found)
+        for element in told:
+            if element.content != text:
+                element.content = text

@@ -1,189 +1,346 @@
-"""Plots of chosen joints: measured and commanded positions."""
+"""Plots of what is chosen, over the time line of the robot or over the open motion."""
 
 from __future__ import annotations
 
+import math
 import time
-from collections import deque
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from g1_description.motion.motion import Motion
-from g1_description.robot.state import RobotState
-from g1_description.web.controls import label_of
-from g1_description.web.robot import Player, ShownRobot
-from g1_description.web.ui_loop import UiLoop
+from g1_description.collisions.self_collisions import SelfCollisions
+from g1_description.errors import G1DescriptionError, InvalidValueError
+from g1_description.motion.history_chunks import Stretch
+from g1_description.web.controls import EditGuard, label_of
+from g1_description.web.findings_panel import plain
+from g1_description.web.history_panel import HistoryPanel
+from g1_description.web.motion_panel import MotionPanel
+from g1_description.web.quantities import (
+    DISTANCE,
+    KINDS,
+    OF_JOINTS,
+    Quantities,
+    Quantity,
+    motion_stretch,
+)
+from g1_description.web.robot import ShownRobot
+from g1_description.web.ui_loop import Newest, UiLoop
 
 if TYPE_CHECKING:
     from viser import GuiApi, GuiUplotHandle
 
 
-SECONDS = 10.0
-"""How much of the past is shown, in [s]."""
+PERIOD = 0.25
+"""Time between two pictures of a plot of a robot that is shown live, in [s]."""
 
-PERIOD = 0.2
-"""Time between two pictures of a plot, in [s]."""
+FEW, MANY = 400, 2000
+"""Points of a line, live and else."""
 
-MAX_POINTS = 2000
-"""Of a plot."""
+MAX_LINES = 6
 
-MAX_JOINTS = 6
+LEAST_ROOM = 0.005
+"""Above and below the lines, in their unit."""
 
-LEAST_ROOM = 0.02
-"""Above and below the lines, in [rad] or [m]."""
-
-LAST, WHOLE = "last 10 s", "whole motion"
+ROBOT, MOTION = "the robot", "the open motion"
 
 COLORS = ("#d64541", "#1f77b4", "#2ca02c", "#ff7f0e", "#9467bd", "#17becf")
 
+LEGEND = "*Solid: measured. Dashed: commanded.*"
+
+AGAIN = 3.0
+"""Time until it is tried again what has failed, in [s]."""
+
+TIME = "Time in the plots"
+"""Label of the field that the page's script fills in on a press in a plot."""
+
+
+class Line(NamedTuple):
+    """A line, with that of what is commanded."""
+
+    robot: ShownRobot
+    quantity: Quantity
+
+
+Data = Mapping[Line, "tuple[np.ndarray, np.ndarray, np.ndarray]"]
+"""Times in [s], measured and commanded values."""
+
 
 class PlotPanel:
-    """One plot, and the joints that are in it."""
+    """Plots, one per unit, and what is in them."""
 
-    def __init__(self, gui: GuiApi, ui: UiLoop, robots: list[ShownRobot]) -> None:
+    def __init__(
+        self,
+        gui: GuiApi,
+        ui: UiLoop,
+        robots: Sequence[ShownRobot],
+        motion: MotionPanel,
+        history: HistoryPanel | None,
+        collisions: Callable[[ShownRobot], SelfCollisions],
+    ) -> None:
         """Add the panel.
 
         Args:
             gui: Where to.
-            ui: Does what a person wants.
-            robots: Whose joints can be chosen.
+            ui: Runs the actions.
+            robots: What can be plotted.
+            motion: Has the open motions.
+            history: Has the time line of the robots that run, if there is one.
+            collisions: Prepares the distances between links of a robot.
         """
-        self._gui = gui
-        self._choices = {
-            self._choice(robot, joint.name, len(robots) > 1): (robot, joint.name)
+        self._gui, self._ui = gui, ui
+        self._motion, self._history = motion, history
+        self._robots = {robot.name: robot for robot in robots}
+        self._quantities = {
+            robot: Quantities(robot.description, partial(collisions, robot))
             for robot in robots
-            for joint in robot.description.movable_joints
         }
-        self._chosen: list[str] = []
-        self._past: deque[tuple[float, dict[ShownRobot, tuple]]] = deque(
-            maxlen=MAX_POINTS
-        )
+        self._lines: list[Line] = []
+        self._plots: dict[str, GuiUplotHandle] = {}
+        self._data: Data = {}
+        self._newest = Newest(ui)
+        self._guard = EditGuard(1.0)
         self._drawn = 0.0
-        self.motions: Mapping[ShownRobot, Motion] = {}
-        """What each robot plays."""
-        self._joint = gui.add_dropdown("Joint", [*self._choices] or ["none"])
-        add, clear = gui.add_button("Add"), gui.add_button("Clear")
-        self._span = gui.add_dropdown("Shows", [LAST, WHOLE])
-        gui.add_markdown("*Solid: measured. Dashed: commanded, where it is known.*")
-        self._folder = gui.add_folder(None)
-        self._plot: GuiUplotHandle | None = None
-        self._recorded: dict[str, list[tuple[float, float]]] = {}
-        ui.on(add, self._add)
-        ui.on(clear, self._clear)
-        ui.on(self._span, self._make)
-
-    @staticmethod
-    def _choice(robot: ShownRobot, joint: str, with_robot: bool) -> str:
-        """Name a joint in the list."""
-        return f"{robot.name}: {label_of(joint)}" if with_robot else label_of(joint)
+        self._shown: object = None
+        """What the newest data are of."""
+        self._marked: float | None = None
+        self._add()
 
     def _add(self) -> None:
-        """Add the joint that is chosen."""
-        name = self._joint.value
-        if name in self._choices and name not in self._chosen:
-            self._chosen = [*self._chosen, name][-MAX_JOINTS:]
+        """Add the elements."""
+        gui, ui = self._gui, self._ui
+        several = len(self._robots) > 1
+        self._whose = gui.add_dropdown("Whose", [*self._robots], visible=several)
+        self._kind = gui.add_dropdown("Quantity", KINDS)
+        self._of = gui.add_dropdown("Of", ["none"])
+        self._to = gui.add_dropdown("To", ["none"], visible=False)
+        add, clear = gui.add_button("Add"), gui.add_button("Clear")
+        self._source = gui.add_dropdown(
+            "Over",
+            [ROBOT, MOTION],
+            initial_value=MOTION if self._history is None else ROBOT,
+            visible=self._history is not None,
+            hint="the last seconds of the tab History, or the open motion",
+        )
+        self._told = gui.add_markdown(LEGEND)
+        self._folder = gui.add_folder(None)
+        self._time = gui.add_number(
+            TIME, 0.0, step=0.001, hint="in s; press in a plot to go there"
+        )
+        self._choose()
+        ui.on(self._whose, self._choose)
+        ui.on(self._kind, self._choose)
+        ui.on(self._of, lambda: None)
+        ui.on(self._to, lambda: None)
+        ui.on(add, self._add_line)
+        ui.on(clear, self._clear)
+        ui.on(self._source, self.refresh)
+        ui.on(self._time, self._go)
+
+    # --- what is plotted ---
+
+    def _choose(self) -> None:
+        """List the subjects of the chosen quantity."""
+        robot, kind = self._robots[self._whose.value], self._kind.value
+        names = self._quantities[robot].choices(kind) or ("none",)
+        if kind in OF_JOINTS:
+            names = tuple(label_of(name) for name in names)
+        self._of.options = names
+        self._to.visible = kind == DISTANCE
+        if kind == DISTANCE:
+            self._to.options = names
+
+    def _add_line(self) -> None:
+        """Add the chosen line."""
+        robot, kind = self._robots[self._whose.value], self._kind.value
+        quantities = self._quantities[robot]
+        subject = self._of.value
+        if kind in OF_JOINTS:
+            found = [n for n in quantities.choices(kind) if label_of(n) == subject]
+            subject = found[0] if found else ""
+        if not subject or subject not in quantities.choices(kind):
+            raise InvalidValueError(f"{robot.name} has nothing to plot of that kind.")
+        subjects: tuple[str, ...] = (subject,)
+        if kind == DISTANCE:
+            subjects = (subject, self._to.value)
+            if subject == self._to.value:
+                raise InvalidValueError("Choose two links, in Of and To.")
+        line = Line(robot, Quantity(kind, subjects))
+        if line not in self._lines:
+            self._lines = [*self._lines, line][-MAX_LINES:]
             self._make()
 
     def _clear(self) -> None:
-        """Leave no joint in the plot."""
-        self._chosen = []
+        """Remove all lines."""
+        self._lines = []
         self._make()
 
     def _make(self) -> None:
-        """Recreate the plot, with a pair of lines per joint."""
-        if self._plot is not None:
-            self._plot.remove()
-            self._plot = None
-        if not self._chosen:
+        """Recreate the plots."""
+        for plot in self._plots.values():
+            plot.remove()
+        self._plots = {}
+        for unit, lines in self._by_unit().items():
+            series: list[Any] = [{"label": "s"}]
+            for line in lines:
+                color = COLORS[self._lines.index(line)]
+                name = self._label(line)
+                series.append({"label": name, "stroke": color, "width": 1.5})
+                if line.quantity.is_commanded:
+                    dashed = {"stroke": color, "width": 1.0, "dash": [5, 4]}
+                    series.append({"label": "commanded", **dashed})
+            series.append({"label": "shown time", "stroke": "#888888", "width": 1.0})
+            with self._folder:
+                self._plots[unit] = self._gui.add_uplot(
+                    self._columns(lines),
+                    tuple(series),
+                    scales=_scales(()),
+                    axes=({"show": True}, {"label": unit, "size": 56}),
+                    cursor={"drag": {"x": False, "y": False}},  # type: ignore
+                    aspect=1.1 if len(self._by_unit()) == 1 else 1.6,
+                )
+        self.refresh()
+
+    def _by_unit(self) -> dict[str, list[Line]]:
+        """Return the lines by their units."""
+        found: dict[str, list[Line]] = {}
+        for line in self._lines:
+            unit = self._quantities[line.robot].unit(line.quantity)
+            found.setdefault(unit, []).append(line)
+        return found
+
+    def _label(self, line: Line) -> str:
+        """Name a line."""
+        kind, subjects = line.quantity
+        words = " to ".join(label_of(subject) for subject in subjects)
+        text = f"{kind}, {words}"
+        return f"{line.robot.name}: {text}" if len(self._robots) > 1 else text
+
+    # --- drawing ---
+
+    def refresh(self) -> None:
+        """Compute the lines again, as there is another motion for example."""
+        self._shown = None
+
+    def follow(self) -> None:
+        """Update the plots; called by the thread that draws."""
+        now = time.monotonic()
+        if now < self._drawn + PERIOD:
             return
-        series: list[Any] = [{"label": "s"}]
-        for name, color in zip(self._chosen, COLORS):
-            series.append({"label": name, "stroke": color, "width": 1.5})
-            series.append(
-                {"label": "commanded", "stroke": color, "width": 1.0, "dash": [5, 4]}
-            )
-        axis = {"show": True}
-        with self._folder:
-            self._plot = self._gui.add_uplot(
-                self._data(None),
-                tuple(series),
-                scales=_scales(()),
-                axes=(axis, {"label": "rad, m", "size": 56}),
-                aspect=1.1,
-            )
+        self._drawn = now
+        at = self._at()
+        if at is not None and not self._guard.is_held(self._time):
+            self._guard.show(self._time, round(at, 3))
+        if not self._lines:
+            return
+        shown = self._wanted()
+        if shown != self._shown or shown is None:
+            self._shown = shown
+            lines = [*self._lines]
+            self._newest.wait_for(partial(self._compute, lines, self._sources(lines)))
+        elif at != self._marked:
+            self._draw()
 
-    def add(
+    def _at(self) -> float | None:
+        """Return the time that is shown, in [s]; None: the present."""
+        if self._source.value == MOTION or self._history is None:
+            player = self._motion.player
+            return None if player is None else player.time
+        return self._history.shown_time
+
+    def _wanted(self) -> object:
+        """Tell what is plotted; None: the present, which is always another one."""
+        lines = tuple(self._lines)
+        if self._source.value == MOTION or self._history is None:
+            return lines, tuple(map(id, self._motion.motions.values()))
+        place = self._history.place
+        return None if place is None else (lines, place)
+
+    def _sources(
+        self, lines: Sequence[Line]
+    ) -> dict[ShownRobot, Callable[[], Stretch | None]]:
+        """Return what has the states of each robot; it may block."""
+        found: dict[ShownRobot, Callable[[], Stretch | None]] = {}
+        for robot in {line.robot for line in lines}:
+            if self._source.value == ROBOT and self._history is not None:
+                found[robot] = self._history.states_of(robot, FEW, MANY)
+            elif robot in self._motion.motions:
+                motion = self._motion.motions[robot]
+                found[robot] = partial(motion_stretch, motion, MANY)
+        return found
+
+    def _compute(
         self,
-        states: Mapping[ShownRobot, RobotState],
-        player: Player | None,
+        lines: Sequence[Line],
+        sources: Mapping[ShownRobot, Callable[[], Stretch | None]],
     ) -> None:
-        """Extend the lines.
+        """Compute lines, in the thread that waits."""
+        data: dict[Line, Any] = {}
+        problem = ""
+        try:
+            stretches = {robot: source() for robot, source in sources.items()}
+            for line in lines:
+                stretch = stretches.get(line.robot)
+                if stretch is not None:
+                    values = self._quantities[line.robot].lines(line.quantity, stretch)
+                    data[line] = (1e-9 * stretch.stamps, *values)
+        except G1DescriptionError as error:
+            problem = str(error)
+        self._ui.post(self, partial(self._arrived, data, problem))
 
-        Args:
-            states: Of each robot.
-            player: What plays a motion.
-        """
-        now = time.monotonic()
-        at = {
-            robot: (state.positions_by_name, state.commanded)
-            for robot, state in states.items()
-        }
-        self._past.append((now, at))
-        if player is not None and self._chosen:
-            self._record(player.time, at)
-        if self._plot is not None and now > self._drawn + PERIOD:
-            self._drawn = now
-            self._plot.data = data = self._data(player)
-            scales = _scales(data[1:])
-            if scales != self._plot.scales:
-                self._plot.scales = scales
+    def _arrived(self, data: Data, problem: str) -> None:
+        """Draw new lines, or tell why there are none."""
+        text = plain(problem) or LEGEND
+        if self._told.content != text:
+            self._told.content = text
+        if problem:
+            self._drawn += AGAIN
+        self._data = data
+        self._draw()
 
-    def _record(self, at: float, states: Mapping[ShownRobot, tuple]) -> None:
-        """Keep where chosen joints were at a time of the motion."""
-        for name in self._chosen:
-            robot, joint = self._choices[name]
-            if robot in states and joint in states[robot][0]:
-                line = self._recorded.setdefault(name, [])
-                line.append((at, states[robot][0][joint]))
-                del line[: -4 * MAX_POINTS]
+    def _draw(self) -> None:
+        """Hand the lines to the plots, with a mark at the shown time."""
+        self._marked = self._at()
+        for unit, lines in self._by_unit().items():
+            if unit in self._plots:
+                plot = self._plots[unit]
+                columns = self._columns(lines)
+                scales = _scales(columns[1:-1])
+                if scales != plot.scales:
+                    plot.scales = scales
+                plot.data = columns
 
-    def forget(self) -> None:
-        """Begin again, as there is another motion."""
-        self._recorded.clear()
+    def _columns(self, lines: Sequence[Line]) -> tuple[np.ndarray, ...]:
+        """Return common times, the columns of lines, and the mark."""
+        known = [self._data[line][0] for line in lines if line in self._data]
+        times = np.unique(np.concatenate(known)) if known else np.zeros(0)
+        if len(times) < 2:
+            times = np.array([0.0, 1.0])
+        columns = [times]
+        for line in lines:
+            unknown = np.full(len(times), np.nan)
+            own, *both = self._data.get(line, (times, unknown, unknown))
+            for values in both if line.quantity.is_commanded else both[:1]:
+                columns.append(np.interp(times, own, values, np.nan, np.nan))
+        mark = np.full(len(times), np.nan)
+        at = self._marked
+        if at is not None and times[0] <= at <= times[-1]:
+            row = min(int(np.searchsorted(times, at)), len(times) - 2)
+            mark[row : row + 2] = _scales(columns[1:])["y"]["range"]
+        return (*columns, mark)
 
-    def _data(self, player: Player | None) -> tuple[np.ndarray, ...]:
-        """Return the times and the lines."""
-        if self._span.value == WHOLE:
-            return self._whole()
-        now = time.monotonic()
-        past = [(t - now, at) for t, at in self._past if t > now - SECONDS]
-        times = np.array([t for t, _ in past] or [-SECONDS, 0.0])
-        lines = [times]
-        for name in self._chosen:
-            robot, joint = self._choices[name]
-            for which in (0, 1):
-                line = [at.get(robot, ({}, {}))[which].get(joint) for _, at in past]
-                lines.append(np.array(line or [np.nan] * 2, dtype=float))
-        return tuple(lines)
-
-    def _whole(self) -> tuple[np.ndarray, ...]:
-        """Return the lines over the whole motion."""
-        trajectories = {r: m for r, m in self.motions.items()}
-        all_times = [t.times for t in trajectories.values()] or [np.array([0.0, 1.0])]
-        times = np.unique(np.concatenate(all_times))
-        times = times[:: max(1, len(times) // MAX_POINTS)]
-        lines = [times]
-        for name in self._chosen:
-            robot, joint = self._choices[name]
-            lines.append(_at(times, sorted(self._recorded.get(name, []))))
-            motion = trajectories.get(robot)
-            line = np.full(len(times), np.nan)
-            if motion is not None and joint in motion.joint_names:
-                column = motion.positions[:, motion.joint_names.index(joint)]
-                line = np.interp(times, motion.times, column, np.nan, np.nan)
-            lines.append(line)
-        return tuple(lines)
+    def _go(self) -> None:
+        """Show the time that was entered, or pressed in a plot."""
+        at = float(self._time.value)
+        self._guard.hold(self._time)
+        if not math.isfinite(at):
+            return
+        if self._source.value == MOTION or self._history is None:
+            self._motion.jump(at)
+        else:
+            first = self._lines[0].robot if self._lines else None
+            self._history.go_to(first, at)
 
 
 def _scales(lines: Sequence[np.ndarray]) -> dict[str, Any]:
@@ -194,12 +351,4 @@ def _scales(lines: Sequence[np.ndarray]) -> dict[str, Any]:
         known = np.zeros(1)
     room = max(0.1 * float(np.ptp(known)), LEAST_ROOM)
     below, above = float(known.min()) - room, float(known.max()) + room
-    return {"x": {"time": False}, "y": {"range": (round(below, 2), round(above, 2))}}
-
-
-def _at(times: np.ndarray, points: list[tuple[float, float]]) -> np.ndarray:
-    """Interpolate points at times, NaN beyond them."""
-    if not points:
-        return np.full(len(times), np.nan)
-    known, values = np.array(points).T
-    return np.interp(times, known, values, np.nan, np.nan)
+    return {"x": {"time": False}, "y": {"range": (round(below, 3), round(above, 3))}}

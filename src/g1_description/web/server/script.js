@@ -181,13 +181,18 @@
     field.value = shown;
     if (text === shown || text === "" || !field.isConnected) return;
     if (!NUMBER.test(text)) return toast("'" + text + "' is no number such as -0.5.", true);
+    enter(field, text.replace("+", ""));
+  }
+
+  /** Enter a number into a field. */
+  function enter(field, text) {
     // As if all were replaced with one key: the field asks what was selected before, and
     // takes the focus a little later, which may have gone elsewhere.
     field.focus = () => {};
     setTimeout(() => delete field.focus, 200);
-    field.setSelectionRange(0, shown.length);
+    field.setSelectionRange(0, field.value.length);
     field.dispatchEvent(new KeyboardEvent("keydown", { bubbles: true }));
-    native.set.call(field, text.replace("+", ""));  // past React: it sees a change
+    native.set.call(field, text);  // past React: it sees a change
     field.setSelectionRange(text.length, text.length);
     field.dispatchEvent(new Event("input", { bubbles: true }));
   }
@@ -231,6 +236,34 @@
   }, true);
   for (const name of ["pointerdown", "pointerout", "wheel", "blur"]) {
     addEventListener(name, () => clearTimeout(resting), { capture: true, passive: true });
+  }
+
+  const PLOT_TIME = "Time in the plots";
+
+  // A press in a plot, or a drag, goes to that time: it is entered into the field below.
+  let pressed = null;  // where plots take the mouse
+
+  /** Show the time under the mouse. */
+  function goTo(event) {
+    const plot = pressed.closest(".uplot");
+    const all = Object.values(window.__viserTestpoints?.uplots ?? {});
+    const chart = all.find((one) => one.chart.root === plot)?.chart;
+    const label = [...document.querySelectorAll("label")]
+      .find((one) => one.textContent.trim() === PLOT_TIME);
+    const field = document.getElementById(label?.htmlFor);
+    if (!chart || !field) return;
+    const { left, width } = pressed.getBoundingClientRect();
+    const at = chart.posToVal(Math.min(Math.max(event.clientX - left, 0), width), "x");
+    enter(field, at.toFixed(3));
+  }
+
+  addEventListener("pointerdown", (event) => {
+    pressed = event.button ? null : event.target.closest?.(".u-over");
+    if (pressed) goTo(event);
+  });
+  addEventListener("pointermove", (event) => { if (pressed) goTo(event); });
+  for (const name of ["pointerup", "pointercancel"]) {
+    addEventListener(name, () => { pressed = null; });
   }
 
   /** Find the button with these words. */
