@@ -126,6 +126,7 @@ def play_all(states):
 
 def test_a_fault_is_found_saved_checked_and_gone_back_to(client, states, home):
     model = g1_description.Robot()
+    states.wait(lambda m: m.header.stamp.to_sec() > 5.0, "a past of 10 s in the end")
     faulty, start = play_all(states)
     after = robot_state_from_message(states.messages[-1])
 
