@@ -289,3 +289,21 @@ def test_a_seventh_line_takes_the_place_of_the_first(browser):
     (labels,) = drawn(browser)
     assert "position, left_knee" not in labels
     assert labels.count("commanded") == plots.MAX_LINES
+
+
+def test_peaks_stay_when_points_are_left_out():
+    times = np.arange(10_000) / 200.0
+    flat, wild = np.zeros(10_000), np.random.RandomState(4).normal(size=10_000)
+    flat[[17, 9_999]] = 5.0, -3.0
+    wild[200:900] = np.nan
+    fewer, (one, other) = plots.thinned(times, [flat, wild], 700)
+    assert 350 < len(fewer) <= 700
+    assert len(one) == len(other) == len(fewer)
+    assert (np.diff(fewer) >= 0).all()
+    np.testing.assert_array_equal(fewer[[0, -1]], times[[0, -1]])
+    assert (one.max(), one.min()) == (5.0, -3.0)
+    assert abs(fewer[one.argmax()] - times[17]) < 0.15
+    assert (np.nanmax(other), np.nanmin(other)) == (np.nanmax(wild), np.nanmin(wild))
+    assert np.isnan(other).sum() in range(40, 55)
+    few = plots.thinned(times[:700], [flat[:700]], 700)
+    np.testing.assert_array_equal(few[1][0], flat[:700])

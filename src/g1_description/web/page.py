@@ -297,6 +297,7 @@ class Page:
         for shown in self._shown:
             self.ui.guarded(partial(self._show, shown, seen))
         self._tell_lack(seen)
+        self._tell_found()
         self._follow(seen)
         if self._plots is not None:
             self._plots.follow()
@@ -353,7 +354,6 @@ class Page:
         elif shown.is_checked:
             shown.unmark()
             self._found.clear()
-            self._tell_found()
 
     def _seen(self, robot: ShownRobot, state: RobotState, verdict: Verdict) -> None:
         """Show the findings of a robot's current state."""
@@ -362,7 +362,6 @@ class Page:
             return
         shown.mark(state, verdict)
         self._found[robot] = verdict
-        self._tell_found()
 
     def _tell_found(self) -> None:
         """List the findings of all current states."""

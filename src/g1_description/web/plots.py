@@ -35,8 +35,12 @@ if TYPE_CHECKING:
 PERIOD = 0.25
 """Time between two pictures of a plot of a robot that is shown live, in [s]."""
 
-FEW, MANY = 400, 2000
-"""Points of a line, live and else."""
+FEW, MANY = 400, 5000
+"""States that are looked at, live and else."""
+
+MAX_POINTS = 700
+"""Of a line: uPlot leaves out pixels with unknown values when there are more points
+than four per pixel."""
 
 MAX_LINES = 6
 
@@ -197,6 +201,7 @@ class PlotPanel:
                     tuple(series),
                     scales=_scales(()),
                     axes=({"show": True}, {"label": unit, "size": 56}),
+                    padding=(10, 24, 0, 0),
                     cursor={"drag": {"x": False, "y": False}},  # type: ignore
                     aspect=1.1 if len(self._by_unit()) == 1 else 1.6,
                 )
@@ -317,18 +322,19 @@ class PlotPanel:
         times = np.unique(np.concatenate(known)) if known else np.zeros(0)
         if len(times) < 2:
             times = np.array([0.0, 1.0])
-        columns = [times]
+        columns = []
         for line in lines:
             unknown = np.full(len(times), np.nan)
             own, *both = self._data.get(line, (times, unknown, unknown))
             for values in both if line.quantity.is_commanded else both[:1]:
                 columns.append(np.interp(times, own, values, np.nan, np.nan))
+        times, columns = thinned(times, columns)
         mark = np.full(len(times), np.nan)
         at = self._marked
         if at is not None and times[0] <= at <= times[-1]:
             row = min(int(np.searchsorted(times, at)), len(times) - 2)
-            mark[row : row + 2] = _scales(columns[1:])["y"]["range"]
-        return (*columns, mark)
+            mark[row : row + 2] = _scales(columns)["y"]["range"]
+        return (times, *columns, mark)
 
     def _go(self) -> None:
         """Show the time that was entered, or pressed in a plot."""
@@ -341,6 +347,26 @@ class PlotPanel:
         else:
             first = self._lines[0].robot if self._lines else None
             self._history.go_to(first, at)
+
+
+def thinned(
+    times: np.ndarray, columns: Sequence[np.ndarray], most: int = MAX_POINTS
+) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Replace many points by the least and the largest of each few: peaks stay."""
+    size = -(-2 * len(times) // most)
+    if size <= 2:
+        return times, [*columns]
+    ends = np.minimum(np.arange(size, len(times) + size, size), len(times))
+    first = ends - np.diff([0, *ends])
+    kept = np.stack([first, ends - 1], axis=1).ravel()
+    found = []
+    for column in columns:
+        low = np.fmin.reduceat(column, first)
+        high = np.fmax.reduceat(column, first)
+        rises = column[first] <= column[ends - 1]
+        pairs = np.where(rises, [low, high], [high, low])
+        found.append(pairs.T.ravel())
+    return times[kept], found
 
 
 def _scales(lines: Sequence[np.ndarray]) -> dict[str, Any]:
