@@ -199,6 +199,39 @@ def test_the_plot_is_that_of_the_chosen_joint(opened, robot, faulty):
     assert drawn[:-1] == pytest.approx(rates, abs=1e-4)
 
 
+def test_the_base_and_speeds_of_links_are_plotted(opened, robot):
+    times = np.linspace(0.0, 2.0, 81)
+    turns = np.stack([np.sin(times), 0.5 * np.cos(times), 5.0 * times])
+    bases = np.hstack(
+        [
+            np.stack([times**2, -times, 0.8 + 0.1 * times], axis=1),
+            Rotation.from_euler("xyz", turns.T).as_quat(),
+        ]
+    )
+    elbow = np.sin(3.0 * times)[:, None]
+    motion = Motion(times, ("left_elbow_joint",), elbow, base_poses=bases)
+    page = opened(motion_page(robot.description, motion))
+
+    def plotted(key):
+        page.raw.evaluate(f"viewer.plot('{key}')")
+        return np.array(page.raw.evaluate("[...viewer.chart.values]"))
+
+    wanted = np.vstack([bases[:, :3].T, turns])
+    for name, line in zip(("x", "y", "z", "roll", "pitch", "yaw"), wanted):
+        np.testing.assert_allclose(plotted(f"base:{name}"), line, atol=1e-5)
+    poses = robot.link_poses({"left_elbow_joint": elbow[:, 0]}, bases)
+    links = page.raw.evaluate("viewer.robot.links.map((link) => link.name)")
+    for link in ("pelvis", "left_rubber_hand", "right_ankle_roll_link"):
+        velocity = np.gradient(poses[link][:, :3], times, axis=0)
+        speed = np.linalg.norm(velocity, axis=1)
+        found = plotted(f"speed:{links.index(link)}")
+        np.testing.assert_allclose(found, speed, atol=1e-3)
+    options = page.raw.evaluate(
+        "[...viewer.what.options].map((one) => one.textContent)"
+    )
+    assert {"yaw of the base", "speed of left_rubber_hand"} < {*options}
+
+
 def test_strange_names_are_text(opened, robot, faulty):
     motion, verdict = faulty
     verdict = Verdict(STRANGE, verdict.findings, verdict.checked, notes=(STRANGE,))

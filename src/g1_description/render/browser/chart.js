@@ -20,9 +20,13 @@ class Chart {
     this.key = "";
   }
 
-  /** Take a motion, and what is plotted of it: position:COLUMN, velocity:COLUMN, line:ROW. */
+  /**
+   * Take a motion, and what is plotted of it: position:COLUMN, velocity:COLUMN, line:ROW,
+   * base:COORDINATE, speed:LINK.
+   */
   take(motion, key) {
-    const [kind, number] = [key.split(":")[0], Number(key.split(":")[1])];
+    const [kind, name] = key.split(":");
+    const number = Number(name);
     this.key = key;
     this.bounds = [];
     const joint = motion.robot.joints[motion.joints[number]];
@@ -32,6 +36,14 @@ class Chart {
       this.values = decode(line.values, Float32Array);
       this.unit = line.unit;
       this.bounds = [0];
+    } else if (kind === "base") {
+      this.times = motion.times;
+      this.values = motion.coordinate(name);
+      this.unit = BASE.indexOf(name) < 3 ? "m" : "rad";
+    } else if (kind === "speed") {
+      this.times = motion.times;
+      this.values = motion.speed(number);
+      this.unit = "m/s";
     } else if (joint) {
       const which = kind === "velocity" ? 1 : 0;
       this.times = motion.times;

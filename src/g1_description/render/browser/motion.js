@@ -21,6 +21,7 @@ const inside = (pose, point) => {
   const [x, y, z, w] = pose.slice(3);
   return rotate([-x, -y, -z, w], point.map((value, n) => value - pose[n]));
 };
+const BASE = ["x", "y", "z", "roll", "pitch", "yaw"];
 const IDENTITY = [0, 0, 0, 0, 0, 0, 1];
 
 const decode = (text, Kind) => {
@@ -142,6 +143,34 @@ class Motion {
       poses.push(compose(poses[link.parent], pose));
     }
     return poses;
+  }
+
+  /** Coordinates of the root over all samples: x, y, z, roll, pitch, yaw without jumps. */
+  coordinate(name) {
+    const number = BASE.indexOf(name);
+    let before = null;
+    return Float32Array.from(this.times, (_, row) => {
+      const [px, py, pz, x, y, z, w] = this.roots.slice(7 * row, 7 * row + 7);
+      if (number < 3) return [px, py, pz][number];
+      let angle = [
+        Math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)),
+        Math.asin(Math.min(Math.max(2 * (w * y - z * x), -1), 1)),
+        Math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)),
+      ][number - 3];
+      if (before !== null) angle += 2 * Math.PI * Math.round((before - angle) / (2 * Math.PI));
+      before = angle;
+      return angle;
+    });
+  }
+
+  /** Speed of the origin of a link over all samples: differences of its places. */
+  speed(link) {
+    const places = Array.from(this.times, (time) => this.poses(time)[link].slice(0, 3));
+    return Float32Array.from(this.times, (_, row) => {
+      const [first, last] = [Math.max(row - 1, 0), Math.min(row + 1, places.length - 1)];
+      const [a, b] = [places[first], places[last]];
+      return Math.hypot(b[0] - a[0], b[1] - a[1], b[2] - a[2]) / (this.times[last] - this.times[first]);
+    });
   }
 
   /** Whether a finding or cause is there at a time. */

@@ -73,6 +73,10 @@ class Viewer {
         option(`${kind}: ${group}`, `${kind}:${column}`, `${kind} of ${name}`);
       });
     }
+    if (motion.roots) {
+      for (const name of BASE) option("base", `base:${name}`, `${name} of the base`);
+      this.robot.links.forEach((link, n) => option("speed", `speed:${n}`, `speed of ${link.name}`));
+    }
     const first = motion.causes.map((cause) => cause.plot).find((key) => key);
     this.plot(first || (motion.joints.length ? "position:0" : this.what.value));
     if (this.scene) {
