@@ -25,7 +25,7 @@ from g1_description.srv import (
     StepModel,
 )
 from gazebo_msgs.msg import WorldState
-from gazebo_msgs.srv import GetModelState
+from gazebo_msgs.srv import GetJointProperties, GetModelState
 from geometry_msgs.msg import Pose, Quaternion
 from rosgraph_msgs.msg import Log
 from scipy.spatial.transform import Rotation
@@ -47,8 +47,10 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from g1_description.cli.pose import PosedRobot
 from g1_description.motion.motion import Motion
 from g1_description.robot.poses import pose_positions, read_poses
+from g1_description.ros.history import HistoryClient
 from g1_description.ros.playing import MotionClient
 from g1_description.ros.waiting import RefusedError
+from g1_description.web.live_simulator import LiveSimulator
 
 MS = 1_000_000
 """[ns]"""
@@ -221,6 +223,27 @@ class TestPhysics(unittest.TestCase):
             self.assertLess(max(report.rms_errors), 0.02)
             self.assertLess(max(report.limit_shares), 0.1)
             self.assertFalse(report.has_fallen)
+
+    def test_5_the_robot_is_put_back_to_a_state_of_its_past(self):
+        if not self.stands:
+            self.skipTest("it was lying")
+        history = HistoryClient("/get_history")
+        self.addCleanup(history.close)
+        past = history.whole().stretch.states()
+        low = min(past, key=lambda state: state.base_pose[2])
+        self.assertLess(low.base_pose[2], 0.45)  # it has squatted
+        rospy.ServiceProxy("/gazebo/pause_physics", Empty)()
+        joint = rospy.ServiceProxy("/gazebo/get_joint_properties", GetJointProperties)
+        LiveSimulator("gazebo").place("g1_robot", low)
+        np.testing.assert_allclose(self.position(), low.base_pose[:3], atol=1e-9)
+        for name, position in low.positions_by_name.items():
+            self.assertAlmostEqual(joint(name).position[0], position, 9)
+        self.states.clear()
+        rospy.ServiceProxy("/gazebo/unpause_physics", Empty)()
+        begin = self.states.wait().header.stamp
+        self.states.wait(lambda m: (m.header.stamp - begin).to_sec() > 1.0, "a second")
+        moved = np.linalg.norm(self.position() - low.base_pose[:3])
+        self.assertLess(moved, 0.03)  # it stays there, at rest
 
     def test_6_that_motors_jump_to_a_motion_is_told(self):
         if not self.stands:

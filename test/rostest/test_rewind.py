@@ -203,6 +203,37 @@ def test_a_fault_is_found_saved_checked_and_gone_back_to(client, states, home):
     states.wait(is_there, "the robot where it was")
 
 
+def test_the_past_is_plotted_and_gone_to_by_its_peak(client, states):
+    _, start = play_all(states)
+    client.set("Last seconds", "30")
+    client.set("Quantity", "position")
+    client.set("Of", JOINTS[1][: -len("_joint")])
+    client.press("Add")
+
+    def line():
+        found = [e for e in [*client.elements.values()] if "series" in e]
+        return found[0]["data"] if found else None
+
+    def peak():
+        if line() is None or len(line()[0]) < 10:
+            return None
+        times, measured, commanded = line()[:3]
+        measured = np.where(times > start, measured, np.nan)
+        # The ghost is on: where it is commanded is there, too.
+        both = np.nanmax(measured), np.nanmax(commanded)
+        is_there = np.allclose(both, IN_TORSO[1])
+        return is_there and float(times[np.nanargmax(measured)])
+
+    at = client.wait_for(peak, "the peak of the fault")
+    client.set("Time in the plots", at)
+    client.wait_for(lambda: shown_time(client), "the past")
+    assert start + FAULT[0] - 0.02 <= shown_time(client) <= start + FAULT[1] + 0.02
+    bend = bend_of(client, g1_description.Robot(), JOINTS[1])
+    assert abs(bend - IN_TORSO[1]) < 1e-5
+    client.wait_for(lambda: np.isfinite(line()[-1]).sum() == 2, "the mark")
+    client.press("Clear")
+
+
 def test_earlier_runs_are_there_while_time_stands(client, states):
     before = robot_state_from_message(states.wait())
     service("/gazebo/reset_simulation", Empty)()

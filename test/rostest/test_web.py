@@ -343,12 +343,40 @@ def test_a_picture_is_saved(page, tmp_path):
     assert is_dark(pixels).mean() > 0.005
 
 
-def test_plots_show_a_joint(page):
+PAST = re.compile(r"The past is shown: .* s ago \(([\d.]+) s\)")
+
+
+def plotted(page):
+    """Return the first and last time of the plot."""
+    plots = "Object.values(window.__viserTestpoints.uplots)"
+    times = page.raw.evaluate(f"[...{plots}[0].chart.data[0]]")
+    return times[0], times[-1]
+
+
+def test_a_press_in_a_plot_goes_to_that_time(page):
     page.open_tab("Plots")
-    page.choose("Joint", "left_knee")
+    page.choose("Of", "left_knee")
     page.press("Add")
     page.raw.locator(".uplot canvas").wait_for()
     assert "commanded" in page.text()
+    page.wait_for(lambda: plotted(page)[1] > 3.0, "some seconds")
+    first, last = plotted(page)
+    plot = page.raw.locator(".u-over").bounding_box()
+    page.raw.mouse.move(plot["x"] + 0.25 * plot["width"], plot["y"] + 20)
+    page.raw.mouse.down()
+    for part in (0.3, 0.4, 0.5):
+        page.raw.mouse.move(plot["x"] + part * plot["width"], plot["y"] + 20)
+    page.raw.mouse.up()
+    page.wait_for(lambda: PAST.search(page.text()), "the past")
+    middle = 0.5 * sum(plotted(page))
+
+    def shown():
+        return float(PAST.search(page.text()).group(1))
+
+    # The line goes on until the mouse is pressed.
+    page.wait_for(lambda: abs(shown() - middle) < 0.2 * (last - first), "the middle")
+    page.raw.keyboard.press("l")
+    page.wait_for(lambda: not PAST.search(page.text()), "the present")
     page.press("Clear")
     page.raw.locator(".uplot").wait_for(state="detached")
 

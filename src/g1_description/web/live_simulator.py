@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import threading
 import time
+from typing import Any
 
 import rospy
 from gazebo_msgs.msg import ModelState
@@ -147,7 +148,7 @@ class LiveSimulator:
 
     def place(self, robot: str, state: RobotState) -> None:
         """Put a robot to a state, at rest, while time is paused."""
-        was_paused = self.is_paused
+        was_paused = self._call("get_physics_properties", GetPhysicsProperties).pause
         self.pause()
         try:
             self._call(
@@ -165,8 +166,8 @@ class LiveSimulator:
             if not was_paused:
                 self.go_on()
 
-    def _call(self, service: str, kind: type, **fields) -> None:
-        """Call a service.
+    def _call(self, service: str, kind: type, **fields) -> Any:
+        """Call a service; return its answer.
 
         Raises:
             G1DescriptionError: If it fails or is not answered.
@@ -175,4 +176,4 @@ class LiveSimulator:
         with self._lock:
             connection.wait_for(service)
             call = connection.call if kind is Empty else connection.checked
-            call(service, kind, **fields)
+            return call(service, kind, **fields)
