@@ -227,12 +227,24 @@ def test_efforts_join_the_state_of_their_time():
         history.add(state)
         if number:  # those of a state come after the next one
             history.add_efforts(number, np.full(3, float(number)))
-        history.add_efforts(state.stamp + 1, np.zeros(3))
+        history.add_efforts(10**9 + number, np.zeros(3))  # their states do not come
         history.pack()
     efforts = history.stretch(0, 1 << 40).efforts
     assert (efforts[:-1, 0] == np.arange(1, 3 * SIZE)).all()
     assert np.isnan(efforts[-1]).all()
     assert all_of(history)[-1].efforts is None
+
+
+def test_efforts_wait_for_the_state_of_their_time():
+    rng = np.random.default_rng(0)
+    history = History(600.0)
+    for stamp in range(1, 1000):
+        history.add_efforts(stamp + 3, np.full(3, float(stamp + 3)))
+        history.add(state_at(stamp, rng))
+        history.pack()
+    efforts = history.stretch(0, 1 << 40).efforts
+    assert np.isnan(efforts[:3]).all()
+    assert (efforts[3:, 0] == np.arange(4, 1000)).all()
 
 
 def test_a_motion_has_what_all_states_have():

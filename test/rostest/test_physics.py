@@ -130,12 +130,17 @@ class TestPhysics(unittest.TestCase):
         motors = Listener("/gazebo/motor_states", MotorStates)
         self.addCleanup(motors.close)
         wait_for(lambda: len(motors.messages) > 9, "states of the motors")
-        sent = motors.messages[5]
-        stamp = sent.header.stamp
         history = service("/get_history", GetHistory)
-        wait_for(lambda: history(begin=stamp, end=stamp).efforts, "efforts")
-        answer = history(begin=stamp, end=stamp)
-        self.assertEqual(answer.states.start, stamp)
+
+        def known():
+            """Return a state of the motors, and its answer; the bridge joins late."""
+            sent = motors.messages[-9]
+            answer = history(begin=sent.header.stamp, end=sent.header.stamp)
+            is_known = answer.efforts and np.isfinite(answer.efforts).all()
+            return (sent, answer) if is_known else None
+
+        sent, answer = wait_for(known, "efforts")
+        self.assertEqual(answer.states.start, sent.header.stamp)
         self.assertEqual(answer.states.joint_names, sent.joint_names)
         np.testing.assert_array_equal(answer.efforts, np.float32(sent.tau))
 

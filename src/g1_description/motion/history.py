@@ -25,6 +25,9 @@ from g1_description.robot.state import RobotState
 MAX_BYTES = 60_000_000
 """Most memory of a history."""
 
+MAX_EARLY = 200
+"""Most efforts that wait for their states."""
+
 MAX_GAP = 1_000_000_000
 """Commands further apart, in [ns], are not one stream."""
 
@@ -80,6 +83,8 @@ class History:
         self._unpacked: deque[Chunk] = deque()
         self._bytes = self._duration = 0  # of packed chunks
         self._last = -1
+        self._early: dict[int, np.ndarray] = {}
+        """Efforts of states that are still to come, by stamp."""
         self.run = 1
         """Number of the newest run."""
 
@@ -103,17 +108,25 @@ class History:
                 )
                 self._chunks.append(chunk)
                 self._unpacked.append(chunk)
+            efforts = self._early.pop(state.stamp, None)
+            if efforts is not None and len(efforts) == len(state.names):
+                state = replace(state, efforts=efforts)
             chunk.states.append(state)
             self._last = state.stamp
 
     def add_efforts(self, stamp: int, efforts: np.ndarray) -> None:
-        """Add the efforts of a state that was just added; of other times: nothing.
+        """Add the efforts of a state that was just added, or is still to come.
 
         Args:
             stamp: Time of the state in [ns].
             efforts: In [N m] or [N], shape (n_joints,), like ``RobotState.efforts``.
         """
         with self._lock:
+            if stamp > self._last:
+                while len(self._early) >= MAX_EARLY:
+                    self._early.pop(next(iter(self._early)))
+                self._early[stamp] = efforts
+                return
             newest = [c for c in self._unpacked if c.run == self.run]
             for chunk in newest[:-3:-1]:
                 for row in range(len(chunk.states) - 1, -1, -1):
