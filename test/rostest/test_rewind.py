@@ -139,7 +139,7 @@ def test_a_fault_is_found_saved_checked_and_gone_back_to(client, states, home):
     else:
         raise AssertionError("the fault is not to be seen")
     assert start + FAULT[0] - 0.05 < at < start + FAULT[1] + 0.05
-    client.wait_for(lambda: told(client, r"Then:\*\*\n\n- .*right"), "what is wrong")
+    client.wait_for(lambda: told(client, r"Then:\*\*[\s\S]*- .*right"), "what is wrong")
     seen = [bend_of(client, model, joint) for joint in JOINTS]
     # The scene leaves out what moves by less than 1e-6.
     np.testing.assert_allclose(seen, commanded(faulty, start, at), rtol=0, atol=2e-6)

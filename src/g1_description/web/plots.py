@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Mapping, NamedTuple, Tuple
 
 import numpy as np
 
@@ -67,7 +67,7 @@ class Line(NamedTuple):
     quantity: Quantity
 
 
-Data = Mapping[Line, "tuple[np.ndarray, np.ndarray, np.ndarray]"]
+Data = Mapping[Line, Tuple[np.ndarray, np.ndarray, np.ndarray]]
 """Times in [s], measured and commanded values."""
 
 
