@@ -48,6 +48,7 @@ from .html import html
 from .ik import ik
 from .peer import Peer
 from .physics import physics
+from .rewind import rewind
 from processes import marked_processes
 from tcpros import ANSWER, Service, body_of, packed, received
 
@@ -815,6 +816,7 @@ PARTS = {
         page,
         browser,
         html,
+        rewind,
     )
 }
 

@@ -169,6 +169,11 @@ class Graph:
         self._folder.cleanup()
 
     @property
+    def folder(self):
+        """What its programs have for ROS_HOME."""
+        return self._folder.name
+
+    @property
     def mark(self):
         """Of its processes."""
         return self._mark

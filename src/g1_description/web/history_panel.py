@@ -55,6 +55,9 @@ class Line:
     end: int
     """Its right end, in [ns]; 0: that of the run, until it is known."""
 
+    last: int
+    """When the page left the present, or the end of an earlier run, in [ns]."""
+
 
 class HistoryPanel:
     """Shows the past of one robot, in all browsers; the robot is not commanded."""
@@ -90,7 +93,7 @@ class HistoryPanel:
         self._live_stamp = 0
         self._looked = 0.0
         self._add(gui)
-        self._checked = Line(world.robots[0], 0, 0)
+        self._checked = Line(world.robots[0], 0, 0, 0)
         """The time line that was checked last."""
         self._findings = FindingList(
             gui, ui, lambda at: self._jump(self._checked, at), False
@@ -194,7 +197,8 @@ class HistoryPanel:
                 self._whose.value = robot.name
             self._line = None
             line = self._leave()
-        self._show(line, min(round(SECOND * at), line.end or round(SECOND * at)))
+        stamp = round(SECOND * at)
+        self._show(line, min(stamp, line.last or stamp))
 
     def live(self) -> None:
         """Show the robot as it is now."""
@@ -213,7 +217,7 @@ class HistoryPanel:
         stamp = 0 if newest is None else newest.stamp
         text, state, line = "", self._state, self._line
         was_newest = line is not None and line.run == self._run
-        if line is not None and was_newest and stamp < min(self._live_stamp, line.end):
+        if line is not None and was_newest and stamp < min(self._live_stamp, line.last):
             self._run += 1  # a reset
         self._live_stamp = stamp
         if state is not None and line is not None:
@@ -241,18 +245,28 @@ class HistoryPanel:
         self._show_place()
 
     def _show_place(self) -> None:
-        """Move the handle of the time line to the shown time."""
-        if self._line is not None and self._state is not None:
-            back = 1e-9 * (self._state.stamp - self._line.end)
-            self._back.value = round(min(max(back, -self._seconds), 0.0), 3)
+        """Move the handle to the shown time, and the time line if that is beyond it."""
+        line, state = self._line, self._state
+        if line is None or state is None:
+            return
+        length = self._seconds * SECOND
+        if not line.end - length <= state.stamp <= line.end:
+            line.end = min(state.stamp + length // 2, line.last)
+        back = 1e-9 * (state.stamp - line.end)
+        self._back.value = round(min(max(back, -self._seconds), 0.0), 3)
 
     # --- going back ---
 
     def _leave(self) -> Line:
         """Leave the present, if that is not done yet; return the time line."""
         if self._line is None:
-            self._line = Line(self._robot, 0, self._now())
+            self._line = self._newest_line()
         return self._line
+
+    def _newest_line(self) -> Line:
+        """Return the time line that ends now."""
+        now = self._now()
+        return Line(self._robot, 0, now, now)
 
     def _now(self) -> int:
         """Return the time of the chosen robot's newest state, in [ns].
@@ -270,8 +284,9 @@ class HistoryPanel:
     def _dragged(self) -> None:
         """Show the time at the handle."""
         back = float(self._back.value)
-        is_newest = self._line is None or self._line.run in (0, self._run)
-        if not back < 0.0 and is_newest:
+        line = self._line
+        is_newest = line is None or line.run in (0, self._run)
+        if not back < 0.0 and is_newest and (line is None or line.end == line.last):
             self.live()
             return
         line = self._leave()
@@ -284,12 +299,12 @@ class HistoryPanel:
             InvalidValueError: If there is no state yet.
         """
         line = self._leave()
-        at = line.end if self._state is None else self._state.stamp
-        if way == "+1" and at < line.end:
-            self._fetch(line, partial(_first_after, at=at, end=line.end))
+        at = line.last if self._state is None else self._state.stamp
+        if way == "+1" and at < line.last:
+            self._fetch(line, partial(_first_after, at=at, end=line.last))
         elif way != "+1":
             shift = {"-1": -1, "-1 s": -SECOND}.get(way, SECOND)
-            self._show(line, min(at + shift, line.end))
+            self._show(line, min(at + shift, line.last))
 
     def _jump(self, line: Line, at: float) -> None:
         """Show a time of a time line, in [s]."""
@@ -300,7 +315,7 @@ class HistoryPanel:
     def _choose_run(self) -> None:
         """Show the last state of a run."""
         run = int(self._runs.value)
-        self._line = line = Line(self._robot, run, 0)
+        self._line = line = Line(self._robot, run, 0, 0)
         self._fetch(line, lambda history, run: history.part(run=run, max_states=2))
 
     def _show(self, line: Line, stamp: int, is_dragged: bool = False) -> None:
@@ -350,7 +365,9 @@ class HistoryPanel:
         self._state = part.stretch.states()[-1]
         if not line.run or part.stretch.run > self._run:
             self._run = part.stretch.run
-        line.run, line.end = part.stretch.run, line.end or part.last
+        line.run = part.stretch.run
+        if not line.last:
+            line.end = line.last = part.last
         runs = tuple(str(run) for run in range(part.first_run, self._run + 1))
         if tuple(self._runs.options) != runs:
             self._runs.options = runs
@@ -401,7 +418,7 @@ class HistoryPanel:
 
     def _check(self) -> None:
         """Check the time line."""
-        line = self._line or Line(self._robot, 0, self._now())
+        line = self._line or self._newest_line()
         self._findings.begin(f"last {self._seconds} s")
         self._ui.wait_for(
             partial(self._guarded_whole, line), partial(self._begin_check, line)
@@ -439,7 +456,7 @@ class HistoryPanel:
     def _save(self) -> None:
         """Save the time line as a motion."""
         name = self._name.value.strip()
-        line = self._line or Line(self._robot, 0, self._now())
+        line = self._line or self._newest_line()
 
         def save() -> None:
             stretch = self._whole(line).stretch
