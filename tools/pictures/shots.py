@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from unittest import mock
 
 import numpy as np
 from PIL import Image
 from support.browser import Browser
 from support.browser_page import Page
+from support.pages import opened_page
 
-from .rviz import rviz_views
+from .rviz import free_port, rviz_views
 
 SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
 WEB = SCRIPTS / "web"
@@ -53,6 +58,9 @@ class Shot:
 
     phone: bool = False
     """Whether it is of a phone: with the panel folded, and open."""
+
+    live: bool = False
+    """Whether the page is of the display, which has a ROS master of its own."""
 
     times: Sequence[float] = ()
     """Times of the motion in [s] that an animation shows; empty: a picture."""
@@ -93,6 +101,19 @@ def _motion(page: Page) -> None:
     page.raw.get_by_role("button", name="self collision").first.click()
 
 
+def _history(page: Page) -> None:
+    """Play a motion with faults, rewind to one of them, and check what was played."""
+    play = [sys.executable, str(SCRIPTS / "play"), "faulty.csv"]
+    motions = SCRIPTS.parent / "motions"
+    subprocess.run(play, cwd=motions, check=True, stderr=subprocess.DEVNULL)
+    page.open_tab("History")
+    page.choose("Last seconds", "30")
+    page.press("Check this stretch")
+    _wait_for_findings(page, 1)
+    page.raw.get_by_role("button", name="self collision").first.click()
+    page.wait_for(lambda: "The past is shown" in page.text(), "the past")
+
+
 def _folder(page: Page) -> None:
     """Open the second motion, and exclude it."""
     page.press("Next")
@@ -130,6 +151,7 @@ SHOTS = {
     ),
     "robot": Shot("browser.png", (), _robot),
     "reach": Shot("browser_reach.png", (), _reach),
+    "history": Shot("browser_history.png", (), _history, live=True),
     "motion": Shot("browser_motion.png", ("--motion", "faulty.csv"), _motion),
     "compare": Shot(
         "browser_compare.png", ("--compare", "squat.csv", "faulty.csv"), _compare
@@ -149,7 +171,8 @@ def take(browser: Browser, shot: Shot, folder: Path, file: Path) -> None:
         file: Where the picture goes.
     """
     views = rviz_views(folder / shot.options[-1], shot.times) if shot.times else []
-    with _served(shot.options, folder) as address:
+    served = _displayed() if shot.live else _served(shot.options, folder)
+    with served as address:
         page = browser.open(f"{address}?fixedDpr=1", phone=shot.phone)
         page.still(TIMEOUT)
         page.dismiss()
@@ -219,6 +242,31 @@ def _beside(pictures: Sequence[np.ndarray]) -> np.ndarray:
     gap = np.full((pictures[0].shape[0], GAP, 3), GREY, np.uint8)
     parts = [part for picture in pictures for part in (gap, picture)]
     return np.concatenate(parts[1:], axis=1)
+
+
+@contextmanager
+def _displayed() -> Iterator[str]:
+    """Launch the display and its page, with a master of their own; give the address."""
+    port = str(free_port())
+    master = {"ROS_MASTER_URI": f"http://localhost:{port}"}
+    with TemporaryDirectory() as home, mock.patch.dict(os.environ, master):
+        launch = subprocess.Popen(
+            [
+                "roslaunch",
+                "-p",
+                port,
+                "g1_description",
+                "display.launch",
+                "rviz:=false",
+            ],
+            stdout=subprocess.DEVNULL,
+        )
+        try:
+            with opened_page(home) as address:
+                yield address
+        finally:
+            launch.send_signal(signal.SIGINT)
+            launch.wait()
 
 
 @contextmanager

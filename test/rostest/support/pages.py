@@ -36,6 +36,8 @@ def opened_page(home):
         raise AssertionError("".join(told))
     # Who cannot write stops.
     threading.Thread(target=process.stdout.read, daemon=True).start()
-    yield found.group(1)
-    process.send_signal(signal.SIGINT)
-    process.wait(DEADLINE)
+    try:
+        yield found.group(1)
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.wait(DEADLINE)
