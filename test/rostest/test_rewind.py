@@ -171,7 +171,7 @@ def test_a_fault_is_found_saved_checked_and_gone_back_to(client, states, home):
     # Checked: its button leads there again.
     client.press("Live")
     client.wait_for(lambda: not told(client, PAST), "live")
-    client.set("Last seconds", "10")
+    client.set("Last seconds", "30")
     client.press("Check this stretch")
     label = r"([\d.]+) s  self collision"
     button = client.wait_for(

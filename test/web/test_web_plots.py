@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 pytest.importorskip("viser", reason="viser is not installed")
 
 from g1_description import Robot
+from g1_description.errors import InvalidValueError
 from g1_description.motion.history_chunks import Stretch
 from g1_description.motion.motion import Motion
 from g1_description.robot.urdf import parse_urdf
@@ -57,10 +58,7 @@ SLED = f"""
 
 @pytest.fixture(scope="module")
 def sled():
-    from g1_description.collisions.self_collisions import SelfCollisions
-
-    description = parse_urdf(SLED)
-    return Quantities(description, lambda: SelfCollisions(description, ()))
+    return Quantities(parse_urdf(SLED))
 
 
 def stretch(n, **arrays):
@@ -131,8 +129,15 @@ def test_links_have_speeds_and_distances(sled):
     np.testing.assert_allclose(speed, 10.0 * np.sqrt(5.0), rtol=1e-9)
     distance, _ = sled.lines(Quantity(DISTANCE, ("slide", "base")), some)
     np.testing.assert_allclose(distance, some.positions[:, 0] - 0.3, atol=1e-4)
-    nothing, _ = sled.lines(Quantity(DISTANCE, ("slide", "arm")), some)
-    assert np.isnan(nothing).all()  # the arm has no shape
+    with pytest.raises(InvalidValueError, match="no distance of slide and arm"):
+        sled.lines(Quantity(DISTANCE, ("slide", "arm")), some)
+
+
+def test_what_is_between_measured_distances_is_interpolated(sled):
+    some = stretch(1000)  # 10 s
+    distance, _ = sled.lines(Quantity(DISTANCE, ("slide", "base")), some)
+    wanted = some.positions[:, 0] - 0.3
+    np.testing.assert_allclose(distance[:-5], wanted[:-5], atol=1e-4)
 
 
 def test_units_are_those_of_the_joint(sled):
@@ -152,13 +157,33 @@ def test_units_are_those_of_the_joint(sled):
         assert sled.unit(Quantity(kind, (subject,))) == unit, kind
 
 
-def test_a_motion_is_as_it_is_played_with_fewer_samples_if_it_is_long():
-    times = np.arange(9 * 500) / 100.0
+def test_a_motion_is_as_it_is_played():
+    times = np.arange(4500) / 100.0
     motion = Motion(times, ("to_arm",), 2.0 * times[:, None])
-    found = motion_stretch(motion, 500)
-    assert 250 < len(found.stamps) <= 500
-    np.testing.assert_allclose(found.positions[:, 0], 2e-9 * found.stamps, atol=1e-9)
+    found = motion_stretch(motion)
+    np.testing.assert_allclose(found.stamps, 1e9 * times)
+    np.testing.assert_array_equal(found.positions, motion.positions)
     np.testing.assert_allclose(found.velocities[:-1], 2.0, rtol=1e-9)
+
+
+def test_a_fast_motion_has_its_speed_and_its_turns(sled):
+    """A base that sways and turns for ten minutes, at 200 Hz."""
+    times = np.arange(120_000) / 200.0
+    poses = np.zeros((len(times), 7))
+    poses[:, 0] = 0.2 * np.sin(2.0 * np.pi * times)
+    poses[:, 5], poses[:, 6] = np.sin(1.5 * times), np.cos(1.5 * times)
+    some = Stretch(
+        1,
+        np.round(1e9 * times).astype(np.int64) + 1,
+        ("to_slide", "to_arm"),
+        (),
+        np.zeros((len(times), 2)),
+        base_poses=poses,
+    )
+    speed, _ = sled.lines(Quantity(SPEED, ("base",)), some)
+    assert np.abs(speed.max() - 0.4 * np.pi) < 1e-3
+    yaw, _ = sled.lines(Quantity(BASE, ("yaw",)), some)
+    np.testing.assert_allclose(yaw, 3.0 * times, atol=1e-6)
 
 
 # --- on the page ---

@@ -69,7 +69,7 @@ class HistoryServices:
         first, last = runs.get(run, (begin, end))
         answer = answer_from_stretch(stretch, self._status.name)
         answer.success, answer.status_message = True, _note(stretch)
-        answer.first_run = min(runs)
+        answer.first_run, answer.last_run = min(runs), max(runs)
         answer.first, answer.last = stamp_from_ns(first), stamp_from_ns(last)
         is_full = len(stretch.stamps) + stretch.others == MAX_STATES
         answer.is_complete = not is_full or newest >= min(end, last)

@@ -53,6 +53,9 @@ class HistoryPart:
     first_run: int
     """Number of the oldest run that is kept."""
 
+    last_run: int
+    """Number of the newest run."""
+
     first: int
     """Stamp of the first state of the run that is kept, in [ns]."""
 
@@ -96,7 +99,9 @@ class History:
         with self._lock:
             if state.stamp == self._last:
                 return
-            self.run += state.stamp < self._last
+            if state.stamp < self._last:
+                self.run += 1
+                self._early.clear()
             chunk = self._chunks[-1] if self._chunks else None
             if chunk is None or not chunk.has_room_for(state, self.run):
                 is_same = chunk is not None and chunk.run == self.run

@@ -95,6 +95,12 @@ class Stretch:
     others: int = 0
     """States of that time with other joints, which are ignored."""
 
+    def rows(self, which: slice | np.ndarray) -> Stretch:
+        """Return some of the states."""
+        arrays = {name: getattr(self, name) for name in ("stamps", *_FIELDS)}
+        kept = {name: a[which] for name, a in arrays.items() if a is not None}
+        return replace(self, **kept)
+
     def states(self) -> list[RobotState]:
         """Return the single states."""
         return [

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import posixpath
+import threading
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -80,8 +82,12 @@ def commands_to_messages(streams: Iterable[CommandStream]) -> list[ReceivedComma
     ]
 
 
+SHORTLY = 60_000_000
+"""Longest time in [ns] from the state before the requested one."""
+
+
 class HistoryClient:
-    """Asks a robot's bridge for its history, over one connection. Not thread-safe."""
+    """Asks a robot's bridge for its history; several threads do so in turn."""
 
     def __init__(self, service: str) -> None:
         """Create a client; nothing is asked yet.
@@ -91,6 +97,7 @@ class HistoryClient:
         """
         self._name = rospy.resolve_name(service)
         self._service: rospy.ServiceProxy | None = None
+        self._lock = threading.Lock()
 
     def part(
         self,
@@ -116,6 +123,35 @@ class HistoryClient:
         """
         stamps = stamp_from_ns(begin), stamp_from_ns(end)
         return _part(self._ask(last, *stamps, max_states, run))
+
+    def at(self, stamp: int, run: int = 0) -> HistoryPart:
+        """Ask for the last state that is not later than a time, or for the first one.
+
+        A state shortly before it comes first, if there is one.
+
+        Args:
+            stamp: In [ns].
+            run: As of ``part``.
+
+        Raises:
+            NoAnswerError: If there is no bridge.
+            RefusedError: If it keeps no history, or has no such run.
+        """
+        at = max(stamp, 1)  # zero would be the whole run
+        for begin in (max(at - SHORTLY, 1), at):
+            with suppress(RefusedError):
+                return self.part(begin, at, run, max_states=2)
+        return self.part(run=run, max_states=1)
+
+    def after(self, stamp: int, end: int, run: int = 0) -> HistoryPart:
+        """Ask for the first state between two times, as ``at`` does.
+
+        Raises:
+            NoAnswerError: If there is no bridge.
+            RefusedError: If there is none.
+        """
+        found = self.part(stamp + 1, end, run, max_states=1)
+        return self.at(int(found.stretch.stamps[0]), found.stretch.run)
 
     def whole(
         self, begin: int = 0, end: int = 0, run: int = 0, last: float = 0.0
@@ -146,17 +182,24 @@ class HistoryClient:
         )
 
     def _ask(self, *request: Any) -> GetHistoryResponse:
-        """Call the service."""
-        if self._service is None:
-            self._service = rospy.ServiceProxy(self._name, GetHistory, persistent=True)
-        try:
-            return _checked(self._service(*request))
-        except SERVICE_ERRORS as error:
-            self.close()
-            raise NoAnswerError(
-                f"{self._name} does not answer; is a bridge running, and is the "
-                f"namespace right? {error}"
-            ) from error
+        """Call the service; again, if the connection was of a bridge that has ended."""
+        with self._lock:
+            is_new = self._service is None
+            while True:
+                if self._service is None:
+                    self._service = rospy.ServiceProxy(
+                        self._name, GetHistory, persistent=True
+                    )
+                try:
+                    return _checked(self._service(*request))
+                except SERVICE_ERRORS as error:
+                    self.close()
+                    if is_new:
+                        raise NoAnswerError(
+                            f"{self._name} does not answer; is a bridge running, and "
+                            f"is the namespace right? {error}"
+                        ) from error
+                    is_new = True
 
     def close(self) -> None:
         """Close the connection; the next question makes a new one."""
@@ -205,6 +248,7 @@ def _part(answer: GetHistoryResponse) -> HistoryPart:
         stretch_from_answer(answer),
         streams,
         answer.first_run,
+        answer.last_run,
         answer.first.to_nsec(),
         answer.last.to_nsec(),
         answer.status_message,

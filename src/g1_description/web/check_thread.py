@@ -53,7 +53,8 @@ class CheckThread:
         self._failed: dict[int, tuple[Exception, float]] = {}
         self._live: dict[ShownRobot, LiveCheck] = {}
         self._lock = threading.Condition()
-        self._states: dict[ShownRobot, RobotState] = {}
+        self._states: dict[ShownRobot, tuple[RobotState, bool, RobotState | None]] = {}
+        self._was_past: set[ShownRobot] = set()
         self._motions: dict[tuple[object, ShownRobot], _Request] = {}
         threading.Thread(target=self._work, daemon=True).start()
 
@@ -78,10 +79,23 @@ class CheckThread:
             self._motions[owner, robot] = motion, then, failed
             self._lock.notify()
 
-    def check_state(self, robot: ShownRobot, state: RobotState) -> None:
-        """Check a state, unless a newer one arrives before."""
+    def check_state(
+        self,
+        robot: ShownRobot,
+        state: RobotState,
+        past: bool = False,
+        before: RobotState | None = None,
+    ) -> None:
+        """Check a state, unless another one arrives before.
+
+        Args:
+            robot: The robot.
+            state: The state.
+            past: Whether it does not follow the one that was checked last.
+            before: A past one shortly before it, if there is one.
+        """
         with self._lock:
-            self._states[robot] = state
+            self._states[robot] = state, past, before
             self._lock.notify()
 
     def _work(self) -> None:
@@ -93,12 +107,12 @@ class CheckThread:
                 states, self._states = self._states, {}
             for key, (motion, then, failed) in motions.items():
                 self._try(partial(self._motion, key, motion, then), failed)
-            for robot, state in states.items():
+            for robot, given in states.items():
                 if not self._failure(robot):
-                    self._try(partial(self._state, robot, state))
+                    self._try(partial(self._state, robot, *given))
                 if self._failure(robot):
                     with self._lock:  # it may stand still until the next try
-                        self._states.setdefault(robot, state)
+                        self._states.setdefault(robot, given)
             time.sleep(PERIOD)
 
     def _try(
@@ -123,10 +137,23 @@ class CheckThread:
         )  # measurements of long motions need much memory
         self._ui.post(("motion", *key), lambda: then(found))
 
-    def _state(self, robot: ShownRobot, state: RobotState) -> None:
+    def _state(
+        self,
+        robot: ShownRobot,
+        state: RobotState,
+        past: bool,
+        before: RobotState | None,
+    ) -> None:
         if robot not in self._live:
             self._live[robot] = LiveCheck(self._checker(robot))
         live = self._live[robot]
+        if past or robot in self._was_past:
+            live.begin_again()
+            self._was_past = (
+                (self._was_past | {robot}) if past else self._was_past - {robot}
+            )
+        if before is not None:
+            live.check(before.time, before.positions_by_name, before.base_pose)
         verdict = live.check(state.time, state.positions_by_name, state.base_pose)
         self._ui.post(("seen", robot), lambda: self._seen(robot, state, verdict))
 

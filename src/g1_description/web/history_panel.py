@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Callable
 from g1_description.checks.verdict import Verdict
 from g1_description.errors import G1DescriptionError, InvalidValueError
 from g1_description.motion.history import CommandStream, HistoryPart
-from g1_description.motion.history_chunks import Stretch
+from g1_description.motion.motion import Motion
 from g1_description.robot.state import RobotState
 from g1_description.web.check_thread import CheckThread
 from g1_description.web.findings_panel import FindingList, plain
-from g1_description.web.keyframes_panel import folder, save_motion
 from g1_description.web.motion_panel import MotionPanel
 from g1_description.web.robot import ShownRobot, ShownWorld
+from g1_description.web.saved_motions import check_file_name, folder, save_motion
 from g1_description.web.ui_loop import Newest, UiLoop
 
 if TYPE_CHECKING:
@@ -45,8 +45,8 @@ MAX_LINES = 12
 
 
 @dataclass(eq=False)
-class Line:
-    """A time line of the past, which stays as it is while time goes on."""
+class Timeline:
+    """A part of the past of a robot; it stays as it is while time goes on."""
 
     robot: ShownRobot
     run: int
@@ -55,8 +55,20 @@ class Line:
     end: int
     """Its right end, in [ns]; 0: that of the run, until it is known."""
 
-    last: int
+    left_at: int
     """When the page left the present, or the end of an earlier run, in [ns]."""
+
+    wanted: int = 0
+    """The time that was last asked for, in [ns]."""
+
+    state: RobotState | None = None
+    """The shown state, once it is known."""
+
+    before: RobotState | None = None
+    """One shortly before it, if there is one."""
+
+    is_newest: bool = True
+    """Whether there was no later run when the state was asked for."""
 
 
 class HistoryPanel:
@@ -85,16 +97,14 @@ class HistoryPanel:
         self._motion, self._told = motion, told
         self._robots = {robot.name: robot for robot in world.robots}
         self._newest = Newest(ui)
-        self._line: Line | None = None
-        self._state: RobotState | None = None
-        """The shown one; None: live, or not known yet."""
-        self._run = 0
-        """Number of the newest run; 0: not known."""
-        self._live_stamp = 0
+        self.shown: Timeline | None = None
+        """What is shown, with its state; None: the present."""
+        self._wanted: Timeline | None = None
+        """What is shown or has been asked for."""
         self._looked = 0.0
         self._add(gui)
-        self._checked = Line(world.robots[0], 0, 0, 0)
-        """The time line that was checked last."""
+        self._checked = Timeline(world.robots[0], 0, 0, 0)
+        """The one that was checked last."""
         self._findings = FindingList(
             gui, ui, lambda at: self._jump(self._checked, at), False
         )
@@ -103,7 +113,7 @@ class HistoryPanel:
         """Add the elements."""
         ui = self._ui
         self._whose = gui.add_dropdown(
-            "Rewind", [*self._robots], visible=len(self._robots) > 1
+            "History of", [*self._robots], visible=len(self._robots) > 1
         )
         self._runs = gui.add_dropdown(
             "Run", ["1"], hint="a new one begins when time goes back", visible=False
@@ -112,7 +122,7 @@ class HistoryPanel:
             "Last seconds",
             LENGTHS,
             initial_value="30",
-            hint="what the time line shows, and what is checked and saved",
+            hint="what the time line shows, and what is checked, saved and plotted",
         )
         self._back = gui.add_slider(
             "Back", -30.0, 0.0, STEP, 0.0, hint="in s; at the right end: live"
@@ -146,63 +156,18 @@ class HistoryPanel:
     # --- what is shown ---
 
     @property
-    def is_past(self) -> bool:
-        """Whether the past is shown."""
-        return self._line is not None
+    def length(self) -> int:
+        """Length of the time line, in [ns]."""
+        return int(self._length.value) * SECOND
 
-    def past(self, robot: ShownRobot) -> RobotState | None:
-        """Return the past state of a robot that is to be shown; None: the newest."""
-        is_chosen = self._line is not None and self._line.robot is robot
-        return self._state if is_chosen else None
-
-    @property
-    def shown_time(self) -> float | None:
-        """The past time that is shown, in [s]; None: live."""
-        return None if self._state is None else self._state.time
-
-    @property
-    def place(self) -> object:
-        """Which part of which past is on the time line; None: the present."""
-        line = self._line
-        return line and (line.robot, line.run, line.end, self._seconds)
-
-    def states_of(
-        self, robot: ShownRobot, few: int, many: int
-    ) -> Callable[[], Stretch | None]:
-        """Return what asks for the states on the time line of a robot; it blocks.
-
-        Args:
-            robot: The robot.
-            few: Of the present, this many states are taken.
-            many: Of the past, this many.
-        """
-        length, line = self._seconds * SECOND, self._line
-
-        def ask() -> Stretch | None:
-            history = robot.history
-            if history is None:
-                return None
-            if line is not None and line.robot is robot and line.end:
-                begin = max(line.end - length, 1)
-                return history.part(begin, line.end, line.run, many).stretch
-            return history.part(max_states=few, last=1e-9 * length).stretch
-
-        return ask
-
-    def go_to(self, robot: ShownRobot | None, at: float) -> None:
-        """Show a robot at a past time, in [s]; None: the chosen one."""
-        line = self._line
-        if line is None or robot not in (None, line.robot):
-            if robot is not None:
-                self._whose.value = robot.name
-            self._line = None
-            line = self._leave()
-        stamp = round(SECOND * at)
-        self._show(line, min(stamp, line.last or stamp))
+    def past(self, robot: ShownRobot) -> Timeline | None:
+        """Return the time line of a robot whose past is shown; None: its present."""
+        is_chosen = self.shown is not None and self.shown.robot is robot
+        return self.shown if is_chosen else None
 
     def live(self) -> None:
         """Show the robot as it is now."""
-        self._line = self._state = None
+        self.shown = self._wanted = None
         self._back.value = 0.0
         self._list.content = self.found.content = ""
         self._tell("")
@@ -213,17 +178,13 @@ class HistoryPanel:
         if now < self._looked + PERIOD:
             return
         self._looked = now
-        newest = self._robot.state()
-        stamp = 0 if newest is None else newest.stamp
-        text, state, line = "", self._state, self._line
-        was_newest = line is not None and line.run == self._run
-        if line is not None and was_newest and stamp < min(self._live_stamp, line.last):
-            self._run += 1  # a reset
-        self._live_stamp = stamp
-        if state is not None and line is not None:
-            when = f"{1e-9 * (stamp - state.stamp):.2f} s ago ({state.time:.3f} s)"
-            if line.run != self._run or stamp < state.stamp:
-                when = f"run {line.run}, {state.time:.3f} s"
+        text, line = "", self.shown
+        if line is not None and line.state is not None:
+            newest, at = line.robot.state(), line.state.stamp
+            when = f"run {line.run}, {line.state.time:.3f} s"
+            if newest is not None and line.is_newest and newest.stamp >= line.left_at:
+                ago = 1e-9 * (newest.stamp - at)
+                when = f"{ago:.2f} s ago ({line.state.time:.3f} s)"
             text = f"**The past is shown:** {when}.  \n*Live* or the key L ends that."
         if self._told.content != text:
             self._told.content = text
@@ -234,62 +195,47 @@ class HistoryPanel:
         """The chosen robot."""
         return self._robots[str(self._whose.value)]
 
-    @property
-    def _seconds(self) -> int:
-        """Length of the time line, in [s]."""
-        return int(self._length.value)
-
     def _set_length(self) -> None:
         """Change the length of the time line; the shown time stays."""
-        self._back.min = -float(self._seconds)
+        self._back.min = -1e-9 * self.length
         self._show_place()
 
     def _show_place(self) -> None:
         """Move the handle to the shown time, and the time line if that is beyond it."""
-        line, state = self._line, self._state
-        if line is None or state is None:
+        line = self.shown
+        if line is None or line.state is None:
             return
-        length = self._seconds * SECOND
-        if not line.end - length <= state.stamp <= line.end:
-            line.end = min(state.stamp + length // 2, line.last)
-        back = 1e-9 * (state.stamp - line.end)
-        self._back.value = round(min(max(back, -self._seconds), 0.0), 3)
+        at = line.state.stamp
+        if not line.end - self.length <= at <= line.end:
+            line.end = min(at + self.length // 2, line.left_at)
+        back = 1e-9 * (at - line.end)
+        self._back.value = round(min(max(back, -1e-9 * self.length), 0.0), 3)
 
     # --- going back ---
 
-    def _leave(self) -> Line:
-        """Leave the present, if that is not done yet; return the time line."""
-        if self._line is None:
-            self._line = self._newest_line()
-        return self._line
-
-    def _newest_line(self) -> Line:
-        """Return the time line that ends now."""
-        now = self._now()
-        return Line(self._robot, 0, now, now)
-
-    def _now(self) -> int:
-        """Return the time of the chosen robot's newest state, in [ns].
+    def _line(self) -> Timeline:
+        """Return what is shown or asked for, else a time line that ends now.
 
         Raises:
-            InvalidValueError: If there is none.
+            InvalidValueError: If there is no state yet.
         """
+        if self._wanted is not None:
+            return self._wanted
         state = self._robot.state()
         if state is None:
             raise InvalidValueError(
                 f"No state of {self._robot.name} has been received yet."
             )
-        return state.stamp
+        return Timeline(self._robot, 0, state.stamp, state.stamp, state.stamp)
 
     def _dragged(self) -> None:
         """Show the time at the handle."""
-        back = float(self._back.value)
-        line = self._line
-        is_newest = line is None or line.run in (0, self._run)
-        if not back < 0.0 and is_newest and (line is None or line.end == line.last):
+        back, line = float(self._back.value), self._wanted
+        is_end_now = line is None or (line.is_newest and line.end == line.left_at)
+        if not back < 0.0 and is_end_now:
             self.live()
             return
-        line = self._leave()
+        line = self._line()
         self._show(line, line.end + round(SECOND * back), is_dragged=True)
 
     def step(self, way: str) -> None:
@@ -298,37 +244,53 @@ class HistoryPanel:
         Raises:
             InvalidValueError: If there is no state yet.
         """
-        line = self._leave()
-        at = line.last if self._state is None else self._state.stamp
-        if way == "+1" and at < line.last:
-            self._fetch(line, partial(_first_after, at=at, end=line.last))
-        elif way != "+1":
-            shift = {"-1": -1, "-1 s": -SECOND}.get(way, SECOND)
-            self._show(line, min(at + shift, line.last))
+        if self._wanted is None and way.startswith("+"):
+            return  # there is nothing later
+        line = self._line()
+        if way == "+1":
+            state = line.state
+            if state is not None and state.stamp < line.left_at:
+                at, end = state.stamp, line.left_at
+                self._fetch(line, lambda history, run: history.after(at, end, run))
+            return
+        shift = {"-1": -1, "-1 s": -SECOND}.get(way, SECOND)
+        self._show(line, min(line.wanted + shift, line.left_at))
 
-    def _jump(self, line: Line, at: float) -> None:
-        """Show a time of a time line, in [s]."""
+    def go_to(self, robot: ShownRobot, at: float) -> None:
+        """Show a robot at a past time, in [s]; another one only if none is shown."""
+        if self._wanted is None:
+            self._whose.value = robot.name
+        line = self._line()
+        self._show(line, min(round(SECOND * at), line.left_at))
+
+    def _jump(self, line: Timeline, at: float) -> None:
+        """Show a time of a time line that was checked, in [s]."""
         self._whose.value = line.robot.name
-        self._line = line
-        self._show(line, round(SECOND * at))
+        self._show(replace(line, state=None, before=None), round(SECOND * at))
 
     def _choose_run(self) -> None:
         """Show the last state of a run."""
         run = int(self._runs.value)
-        self._line = line = Line(self._robot, run, 0, 0)
-        self._fetch(line, lambda history, run: history.part(run=run, max_states=2))
+        line = Timeline(self._robot, run, 0, 0)
 
-    def _show(self, line: Line, stamp: int, is_dragged: bool = False) -> None:
+        def last(history: HistoryClient, run: int) -> HistoryPart:
+            return history.at(history.part(run=run, max_states=1).last, run)
+
+        self._fetch(line, last)
+
+    def _show(self, line: Timeline, stamp: int, is_dragged: bool = False) -> None:
         """Show the last state that is not later than a time, or the first one."""
-        self._fetch(line, partial(_at, stamp=stamp), is_dragged)
+        line.wanted = stamp
+        self._fetch(line, lambda history, run: history.at(stamp, run), is_dragged)
 
     def _fetch(
         self,
-        line: Line,
+        line: Timeline,
         ask: Callable[[HistoryClient, int], HistoryPart],
         is_dragged: bool = False,
     ) -> None:
         """Ask for a state, and show it if it is still wanted then."""
+        self._wanted, wanted = line, line.wanted
 
         def fetch() -> None:
             try:
@@ -340,38 +302,43 @@ class HistoryPanel:
             except G1DescriptionError as error:
                 self._ui.post(self, partial(self._fail, line, str(error)))
                 return
-            act = partial(self._arrived, line, part, commands, is_dragged)
+            act = partial(self._arrived, line, wanted, part, commands, is_dragged)
             self._ui.post(self, act)
 
         self._newest.wait_for(fetch)
 
-    def _fail(self, line: Line, problem: str) -> None:
-        """Tell why a state cannot be shown."""
-        if self._line is line:
-            if self._state is None:
+    def _fail(self, line: Timeline, problem: str) -> None:
+        """Tell why a state cannot be shown; what is shown stays."""
+        if self._wanted is line:
+            self._wanted = self.shown
+            self._show_place()
+            if self.shown is None:
                 self.live()
             self._tell(problem)
 
     def _arrived(
         self,
-        line: Line,
+        line: Timeline,
+        wanted: int,
         part: HistoryPart,
         commands: Sequence[CommandStream],
         is_dragged: bool,
     ) -> None:
         """Show a state, unless another time line is wanted by now."""
-        if self._line is not line:
+        if self._wanted is not line:
             return
-        self._state = part.stretch.states()[-1]
-        if not line.run or part.stretch.run > self._run:
-            self._run = part.stretch.run
-        line.run = part.stretch.run
-        if not line.last:
-            line.end = line.last = part.last
-        runs = tuple(str(run) for run in range(part.first_run, self._run + 1))
+        states = part.stretch.states()
+        line.state, line.before = states[-1], states[0] if states[1:] else None
+        if line.wanted == wanted:
+            line.wanted = line.state.stamp
+        line.run, line.is_newest = part.stretch.run, part.stretch.run == part.last_run
+        if not line.left_at:
+            line.end = line.left_at = part.last
+        self.shown = line
+        runs = tuple(str(run) for run in range(part.first_run, part.last_run + 1))
         if tuple(self._runs.options) != runs:
             self._runs.options = runs
-        self._runs.value = str(part.stretch.run)
+        self._runs.value = str(line.run)
         self._runs.visible = len(runs) > 1
         if not is_dragged:
             self._show_place()
@@ -387,11 +354,11 @@ class HistoryPanel:
 
     def _start(self) -> None:
         """Put the robot to the shown state, and show it live."""
-        state, line = self._state, self._line
-        if state is None or line is None:
+        line = self.shown
+        if line is None or line.state is None:
             raise InvalidValueError("Go back to a past state first.")
         self._ui.wait_for(
-            partial(self._place, line.robot, state), lambda _: self.live()
+            partial(self._place, line.robot, line.state), lambda _: self.live()
         )
 
     def _place(self, robot: ShownRobot, state: RobotState) -> None:
@@ -411,43 +378,38 @@ class HistoryPanel:
         else:
             robot.command_all(positions, state.base_pose)
 
-    def _whole(self, line: Line) -> HistoryPart:
-        """Ask for all states of the time line."""
-        begin = max(line.end - self._seconds * SECOND, 0)
-        return _history(line.robot).whole(begin, line.end, line.run)
+    def _whole(self) -> tuple[Timeline, Callable[[], HistoryPart]]:
+        """Return the time line as it is now, and what asks for all of its states."""
+        line, length = replace(self._line()), self.length
+        begin = max(line.end - length, 1)
+        history = _history(line.robot)
+        return line, lambda: history.whole(begin, line.end, line.run)
 
     def _check(self) -> None:
         """Check the time line."""
-        line = self._line or self._newest_line()
-        self._findings.begin(f"last {self._seconds} s")
-        self._ui.wait_for(
-            partial(self._guarded_whole, line), partial(self._begin_check, line)
-        )
+        line, ask = self._whole()
+        span = 1e-9 * (line.end - self.length), 1e-9 * line.end
+        self._findings.begin(f"{max(span[0], 0.0):.1f} s to {span[1]:.1f} s")
 
-    def _guarded_whole(self, line: Line) -> HistoryPart:
-        """Ask for all states of the time line; say where it is checked if it fails."""
-        try:
-            return self._whole(line)
-        except G1DescriptionError:
-            self._ui.post((self, "failed"), self._findings.fail)
-            raise
+        def motion() -> Motion:
+            try:
+                stretch = ask().stretch
+                line.run = stretch.run
+                # Findings have simulated times.
+                return replace(stretch.motion(), times=1e-9 * stretch.stamps)
+            except G1DescriptionError:
+                self._ui.post((self, "failed"), self._findings.fail)
+                raise
 
-    def _begin_check(self, line: Line, part: HistoryPart) -> None:
-        """Check states, whose findings have simulated times."""
-        stretch = part.stretch
-        line.run = stretch.run
-        motion = replace(stretch.motion(), times=1e-9 * stretch.stamps)
-        span = 1e-9 * line.end - self._seconds, 1e-9 * line.end
-        self._checks.check_motion(
-            self,
-            line.robot,
-            motion,
-            partial(self._show_verdict, line, span),
-            self._findings.fail,
-        )
+        def check(found: Motion) -> None:
+            show = partial(self._show_verdict, line, span)
+            fail = self._findings.fail
+            self._checks.check_motion(self, line.robot, found, show, fail)
+
+        self._ui.wait_for(motion, check)
 
     def _show_verdict(
-        self, line: Line, span: tuple[float, float], verdict: Verdict
+        self, line: Timeline, span: tuple[float, float], verdict: Verdict
     ) -> None:
         """Show findings."""
         self._checked = line
@@ -456,13 +418,15 @@ class HistoryPanel:
     def _save(self) -> None:
         """Save the time line as a motion."""
         name = self._name.value.strip()
-        line = self._line or self._newest_line()
+        check_file_name(name)
+        line, ask = self._whole()
 
         def save() -> None:
-            stretch = self._whole(line).stretch
-            motion, begin = stretch.motion(), int(stretch.stamps[0])
+            part = ask()
+            motion, begin = part.stretch.motion(), int(part.stretch.stamps[0])
             file = save_motion(name, motion, line.robot.description, begin)
-            self._ui.tell(f"Saved {file}, {motion.duration:.2f} s.", "green")
+            text = f"Saved {file}, {motion.duration:.2f} s. {part.note}"
+            self._ui.tell(text.strip(), "green")
 
         self._ui.wait_for(save)
 
@@ -471,20 +435,6 @@ def _history(robot: ShownRobot) -> HistoryClient:
     """Return the history of a robot that has one."""
     assert robot.history is not None
     return robot.history
-
-
-def _at(history: HistoryClient, run: int, stamp: int) -> HistoryPart:
-    """Ask for the last state that is not later than a time in [ns], or the first."""
-    at = max(stamp, 1)  # zero would be the whole run
-    try:
-        return history.part(at, at, run)
-    except G1DescriptionError:
-        return history.part(run=run, max_states=1)
-
-
-def _first_after(history: HistoryClient, run: int, at: int, end: int) -> HistoryPart:
-    """Ask for the first state that is later than a time, in [ns]."""
-    return history.part(at + 1, end, run, max_states=1)
 
 
 def commands_text(commands: Sequence[CommandStream]) -> str:

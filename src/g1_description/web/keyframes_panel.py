@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,9 +18,7 @@ from g1_description.ik.keyframes import (
     keyframe_motion,
 )
 from g1_description.ik.posing import Posing
-from g1_description.motion.files.formats import write_motion
 from g1_description.motion.motion import Motion
-from g1_description.robot.description import Description
 from g1_description.robot.poses import (
     Pose,
     check_name,
@@ -34,6 +31,7 @@ from g1_description.web.controls import known
 from g1_description.web.findings_panel import plain
 from g1_description.web.motion_panel import MotionPanel
 from g1_description.web.robot import ShownRobot
+from g1_description.web.saved_motions import folder, save_motion
 from g1_description.web.ui_loop import UiLoop
 
 if TYPE_CHECKING:
@@ -314,35 +312,3 @@ class KeyframesPanel:
             save_pose(pose, user_file())
         self.saved()
         self._ui.tell(f"Saved {names[0]} to {names[-1]} in {user_file()}.", "green")
-
-
-def save_motion(name: str, motion: Motion, robot: Description, begin: int = 1) -> Path:
-    """Save a motion in the folder.
-
-    Args:
-        name: Of the file; without an extension it is a CSV.
-        motion: The motion.
-        robot: Whose motion it is.
-        begin: Stamp of a bag's first sample, in [ns].
-
-    Raises:
-        G1DescriptionError: If there is one of that name, or it cannot be written.
-    """
-    stem, dot, ending = name.partition(".")
-    check_name(stem)
-    file = folder() / (name if dot else f"{stem}.csv")
-    if file.exists():
-        raise InvalidValueError(f"{file} already exists: choose another name.")
-    file.parent.mkdir(parents=True, exist_ok=True)
-    if ending == "bag":  # which needs ROS
-        from g1_description.bridge.recorded_file import write_motion_file
-
-        write_motion_file(file, motion, robot, begin=begin)
-    else:
-        write_motion(file, motion, robot)
-    return file
-
-
-def folder() -> Path:
-    """Return the folder of saved motions."""
-    return user_file().parent / "motions"

@@ -50,7 +50,7 @@ def keys_of(
     """
 
     def step(way: str) -> None:
-        if history is not None and history.is_past:
+        if history is not None and history.shown is not None:
             history.step(way)
         else:
             motion.step(way)

@@ -20,7 +20,7 @@ from g1_description.robot.state import RobotState
 from g1_description.web.check_thread import CheckThread, MakeChecker
 from g1_description.web.controls import BasePanel, JointPanel, PosePanel
 from g1_description.web.findings_panel import plain
-from g1_description.web.history_panel import HistoryPanel
+from g1_description.web.history_panel import HistoryPanel, Timeline
 from g1_description.web.keyframes_panel import KeyframesPanel
 from g1_description.web.keys import add_keys, keys_of
 from g1_description.web.library import Library
@@ -175,9 +175,7 @@ class Page:
             add_keys(gui, self.ui, keys)
         with tabs.add_tab("Plots"):
             robots = [shown.robot for shown in self._shown]
-            self._plots = PlotPanel(
-                gui, self.ui, robots, self.motion, history, self._collisions
-            )
+            self._plots = PlotPanel(gui, self.ui, robots, self.motion, history)
 
     def _one_file(self) -> str:
         """Write a page of the first robot: of its open motion, or as it is now.
@@ -335,14 +333,11 @@ class Page:
         seen: dict[ShownRobot, RobotState],
     ) -> None:
         """Show a robot, and add the shown state to those of all."""
-        now = shown.robot.state()
-        past = None
-        if self._history is not None:
-            past = self._history.past(shown.robot)
+        now, past = shown.robot.state(), self._past(shown.robot)
         if now is None:
             return
         view = self._view
-        state = now if past is None else past
+        state = now if past is None or past.state is None else past.state
         seen[shown.robot] = state
         shown.show(state, now)
         shown.show_commanded(view is not None and bool(view.ghost.value))
@@ -350,10 +345,15 @@ class Page:
             shown.trail(view is not None and bool(view.trails.value))
         if view is None or view.checks.value:
             if shown.must_be_checked():
-                self._checks.check_state(shown.robot, state)
+                before = None if past is None else past.before
+                self._checks.check_state(shown.robot, state, bool(past), before)
         elif shown.is_checked:
             shown.unmark()
             self._found.clear()
+
+    def _past(self, robot: ShownRobot) -> Timeline | None:
+        """Return the time line of a robot whose past is shown."""
+        return None if self._history is None else self._history.past(robot)
 
     def _seen(self, robot: ShownRobot, state: RobotState, verdict: Verdict) -> None:
         """Show the findings of a robot's current state."""
@@ -371,13 +371,12 @@ class Page:
             found = [f"- {plain(f.text)}" for f in verdict.findings[:MAX_LINES]]
             more = len(verdict.findings) - MAX_LINES
             found += [f"- and {more} more"] if more > 0 else []
-            is_past = self._history is not None and self._history.past(robot)
-            when = "Then" if is_past else "Now"
+            when = "Then" if self._past(robot) else "Now"
             lines += [f"**{when}{whose}:**" + ("" if found else " nothing found.")]
             lines += ["", *found, ""] if found else [""]
         text = "\n".join(lines)
         told = [self._now]
-        if self._history is not None and self._history.is_past:
+        if self._history is not None and self._history.shown is not None:
             told.append(self._history.found)
         for element in told:
             if element.content != text:

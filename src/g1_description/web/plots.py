@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
 from typing import TYPE_CHECKING, Any, Mapping, NamedTuple, Tuple
 
 import numpy as np
 
-from g1_description.collisions.self_collisions import SelfCollisions
 from g1_description.errors import G1DescriptionError, InvalidValueError
-from g1_description.motion.history_chunks import Stretch
+from g1_description.motion.history_chunks import Stretch, joined
 from g1_description.web.controls import EditGuard, label_of
 from g1_description.web.findings_panel import plain
 from g1_description.web.history_panel import HistoryPanel
@@ -26,21 +26,29 @@ from g1_description.web.quantities import (
     motion_stretch,
 )
 from g1_description.web.robot import ShownRobot
-from g1_description.web.ui_loop import Newest, UiLoop
+from g1_description.web.ui_loop import UiLoop
 
 if TYPE_CHECKING:
     from viser import GuiApi, GuiUplotHandle
 
+    from g1_description.ros.history import HistoryClient
 
-PERIOD = 0.25
+
+PERIOD = 0.5
 """Time between two pictures of a plot of a robot that is shown live, in [s]."""
 
-FEW, MANY = 400, 5000
-"""States that are looked at, live and else."""
+TICK = 0.1
+"""Time between two looks at what is shown, in [s]."""
+
+SHARE = 4.0
+"""Least pause between two computations of lines, as a multiple of the first one."""
+
+LIVE = 30.0
+"""Longest time that is plotted live, in [s]."""
 
 MAX_POINTS = 700
 """Of a line: uPlot leaves out pixels with unknown values when there are more points
-than four per pixel."""
+than four per pixel. The least and the largest values stay."""
 
 MAX_LINES = 6
 
@@ -60,14 +68,14 @@ TIME = "Time in the plots"
 """Label of the field that the page's script fills in on a press in a plot."""
 
 
-class Line(NamedTuple):
-    """A line, with that of what is commanded."""
+class Curve(NamedTuple):
+    """A line of a plot, with that of what is commanded."""
 
     robot: ShownRobot
     quantity: Quantity
 
 
-Data = Mapping[Line, Tuple[np.ndarray, np.ndarray, np.ndarray]]
+Data = Mapping[Curve, Tuple[np.ndarray, np.ndarray, np.ndarray]]
 """Times in [s], measured and commanded values."""
 
 
@@ -81,7 +89,6 @@ class PlotPanel:
         robots: Sequence[ShownRobot],
         motion: MotionPanel,
         history: HistoryPanel | None,
-        collisions: Callable[[ShownRobot], SelfCollisions],
     ) -> None:
         """Add the panel.
 
@@ -91,21 +98,20 @@ class PlotPanel:
             robots: What can be plotted.
             motion: Has the open motions.
             history: Has the time line of the robots that run, if there is one.
-            collisions: Prepares the distances between links of a robot.
         """
         self._gui, self._ui = gui, ui
         self._motion, self._history = motion, history
         self._robots = {robot.name: robot for robot in robots}
-        self._quantities = {
-            robot: Quantities(robot.description, partial(collisions, robot))
-            for robot in robots
-        }
-        self._lines: list[Line] = []
+        self._quantities = {robot: Quantities(robot.description) for robot in robots}
+        self._lines: list[Curve] = []
         self._plots: dict[str, GuiUplotHandle] = {}
         self._data: Data = {}
-        self._newest = Newest(ui)
+        self._pool = ThreadPoolExecutor(1)
+        self._computing: Future[None] | None = None
+        self._live: dict[ShownRobot, Stretch] = {}
+        """The last seconds of robots, as plotted last."""
         self._guard = EditGuard(1.0)
-        self._drawn = 0.0
+        self._looked = self._next = 0.0
         self._shown: object = None
         """What the newest data are of."""
         self._marked: float | None = None
@@ -121,7 +127,7 @@ class PlotPanel:
         self._to = gui.add_dropdown("To", ["none"], visible=False)
         add, clear = gui.add_button("Add"), gui.add_button("Clear")
         self._source = gui.add_dropdown(
-            "Over",
+            "Source",
             [ROBOT, MOTION],
             initial_value=MOTION if self._history is None else ROBOT,
             visible=self._history is not None,
@@ -170,7 +176,7 @@ class PlotPanel:
             subjects = (subject, self._to.value)
             if subject == self._to.value:
                 raise InvalidValueError("Choose two links, in Of and To.")
-        line = Line(robot, Quantity(kind, subjects))
+        line = Curve(robot, Quantity(kind, subjects))
         if line not in self._lines:
             self._lines = [*self._lines, line][-MAX_LINES:]
             self._make()
@@ -207,15 +213,15 @@ class PlotPanel:
                 )
         self.refresh()
 
-    def _by_unit(self) -> dict[str, list[Line]]:
+    def _by_unit(self) -> dict[str, list[Curve]]:
         """Return the lines by their units."""
-        found: dict[str, list[Line]] = {}
+        found: dict[str, list[Curve]] = {}
         for line in self._lines:
             unit = self._quantities[line.robot].unit(line.quantity)
             found.setdefault(unit, []).append(line)
         return found
 
-    def _label(self, line: Line) -> str:
+    def _label(self, line: Curve) -> str:
         """Name a line."""
         kind, subjects = line.quantity
         words = " to ".join(label_of(subject) for subject in subjects)
@@ -226,81 +232,123 @@ class PlotPanel:
 
     def refresh(self) -> None:
         """Compute the lines again, as there is another motion for example."""
-        self._shown = None
+        self._shown, self._next = None, 0.0
+
+    @property
+    def _is_of_motion(self) -> bool:
+        """Whether the open motion is plotted."""
+        return self._history is None or self._source.value == MOTION
 
     def follow(self) -> None:
         """Update the plots; called by the thread that draws."""
         now = time.monotonic()
-        if now < self._drawn + PERIOD:
+        if now < self._looked + TICK:
             return
-        self._drawn = now
+        self._looked = now
         at = self._at()
         if at is not None and not self._guard.is_held(self._time):
             self._guard.show(self._time, round(at, 3))
         if not self._lines:
             return
         shown = self._wanted()
-        if shown != self._shown or shown is None:
-            self._shown = shown
+        is_idle = self._computing is None or self._computing.done()
+        if is_idle and now >= self._next and (shown is None or shown != self._shown):
+            self._shown, self._next = shown, now + PERIOD
             lines = [*self._lines]
-            self._newest.wait_for(partial(self._compute, lines, self._sources(lines)))
+            act = partial(self._compute, lines, self._sources(lines))
+            self._computing = self._pool.submit(self._ui.guarded, act)
         elif at != self._marked:
             self._draw()
 
     def _at(self) -> float | None:
         """Return the time that is shown, in [s]; None: the present."""
-        if self._source.value == MOTION or self._history is None:
+        if self._is_of_motion:
             player = self._motion.player
             return None if player is None else player.time
-        return self._history.shown_time
+        shown = None if self._history is None else self._history.shown
+        return None if shown is None or shown.state is None else shown.state.time
 
     def _wanted(self) -> object:
         """Tell what is plotted; None: the present, which is always another one."""
         lines = tuple(self._lines)
-        if self._source.value == MOTION or self._history is None:
+        if self._is_of_motion or self._history is None:
             return lines, tuple(map(id, self._motion.motions.values()))
-        place = self._history.place
-        return None if place is None else (lines, place)
+        shown = self._history.shown
+        if shown is None:
+            return None
+        return lines, shown.robot, shown.run, shown.end, self._history.length
 
     def _sources(
-        self, lines: Sequence[Line]
+        self, lines: Sequence[Curve]
     ) -> dict[ShownRobot, Callable[[], Stretch | None]]:
         """Return what has the states of each robot; it may block."""
         found: dict[ShownRobot, Callable[[], Stretch | None]] = {}
         for robot in {line.robot for line in lines}:
-            if self._source.value == ROBOT and self._history is not None:
-                found[robot] = self._history.states_of(robot, FEW, MANY)
-            elif robot in self._motion.motions:
-                motion = self._motion.motions[robot]
-                found[robot] = partial(motion_stretch, motion, MANY)
+            if self._is_of_motion or self._history is None:
+                motion = self._motion.motions.get(robot)
+                if motion is not None:
+                    found[robot] = partial(motion_stretch, motion)
+            elif robot.history is not None:
+                past, length = self._history.past(robot), self._history.length
+                if past is None:
+                    found[robot] = partial(self._present, robot, length)
+                else:
+                    begin = max(past.end - length, 1)
+                    span = begin, past.end, past.run
+                    found[robot] = partial(_states, robot.history, *span)
+        return found
+
+    def _present(self, robot: ShownRobot, length: int) -> Stretch | None:
+        """Return the last states of a robot; only the new ones are asked for."""
+        newest, history = robot.state(), robot.history
+        if newest is None or history is None:
+            return None
+        length = min(length, round(1e9 * LIVE))
+        found = self._live.get(robot)
+        if found is not None and 0 <= newest.stamp - found.stamps[-1] < length:
+            if newest.stamp > found.stamps[-1]:
+                last, run = int(found.stamps[-1]), found.run
+                found = joined([found, _states(history, last + 1, newest.stamp, run)])
+        else:
+            found = history.whole(last=1e-9 * length).stretch
+        found = found.rows(found.stamps >= found.stamps[-1] - length)
+        self._live[robot] = found
         return found
 
     def _compute(
         self,
-        lines: Sequence[Line],
+        lines: Sequence[Curve],
         sources: Mapping[ShownRobot, Callable[[], Stretch | None]],
     ) -> None:
-        """Compute lines, in the thread that waits."""
-        data: dict[Line, Any] = {}
+        """Compute lines, in a thread of its own."""
+        begin = time.monotonic()
+        data: dict[Curve, Any] = {}
+        stretches: dict[ShownRobot, Stretch | None] = {}
         problem = ""
-        try:
-            stretches = {robot: source() for robot, source in sources.items()}
-            for line in lines:
-                stretch = stretches.get(line.robot)
+        for line in lines:
+            robot = line.robot
+            try:
+                if robot in sources and robot not in stretches:
+                    stretches[robot] = None
+                    stretches[robot] = sources[robot]()
+                stretch = stretches.get(robot)
                 if stretch is not None:
-                    values = self._quantities[line.robot].lines(line.quantity, stretch)
+                    values = self._quantities[robot].lines(line.quantity, stretch)
                     data[line] = (1e-9 * stretch.stamps, *values)
-        except G1DescriptionError as error:
-            problem = str(error)
-        self._ui.post(self, partial(self._arrived, data, problem))
+            except G1DescriptionError as error:
+                problem = str(error)
+                self._live.pop(robot, None)
+        pause = AGAIN if problem else SHARE * (time.monotonic() - begin)
+        self._ui.post(self, partial(self._arrived, data, problem, pause))
 
-    def _arrived(self, data: Data, problem: str) -> None:
-        """Draw new lines, or tell why there are none."""
+    def _arrived(self, data: Data, problem: str, pause: float) -> None:
+        """Draw new lines, or tell why there are none; pause before the next ones."""
+        self._next = max(self._next, time.monotonic() + pause)
         text = plain(problem) or LEGEND
         if self._told.content != text:
             self._told.content = text
         if problem:
-            self._drawn += AGAIN
+            self._shown = None
         self._data = data
         self._draw()
 
@@ -316,7 +364,7 @@ class PlotPanel:
                     plot.scales = scales
                 plot.data = columns
 
-    def _columns(self, lines: Sequence[Line]) -> tuple[np.ndarray, ...]:
+    def _columns(self, lines: Sequence[Curve]) -> tuple[np.ndarray, ...]:
         """Return common times, the columns of lines, and the mark."""
         known = [self._data[line][0] for line in lines if line in self._data]
         times = np.unique(np.concatenate(known)) if known else np.zeros(0)
@@ -342,11 +390,17 @@ class PlotPanel:
         self._guard.hold(self._time)
         if not math.isfinite(at):
             return
-        if self._source.value == MOTION or self._history is None:
+        if self._is_of_motion or self._history is None:
             self._motion.jump(at)
         else:
-            first = self._lines[0].robot if self._lines else None
+            chosen = self._robots[self._whose.value]
+            first = self._lines[0].robot if self._lines else chosen
             self._history.go_to(first, at)
+
+
+def _states(history: HistoryClient, begin: int, end: int, run: int) -> Stretch:
+    """Ask for all states of a range."""
+    return history.whole(begin, end, run).stretch
 
 
 def thinned(

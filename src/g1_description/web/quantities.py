@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from g1_description.collisions.convex_shapes import posed_links
 from g1_description.collisions.self_collisions import SelfCollisions
+from g1_description.errors import InvalidValueError
 from g1_description.motion.history_chunks import Stretch
 from g1_description.motion.motion import Motion, sample
 from g1_description.robot.assembly import root_in_base
 from g1_description.robot.description import Description
 from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.rotation import axes_to_rpy, to_axes
-from g1_description.robot.transform import compose
+from g1_description.robot.transform import IDENTITY, compose
 
 POSITION, VELOCITY, EFFORT, ERROR, BASE, SPEED, DISTANCE = KINDS = (
     "position",
@@ -34,6 +34,12 @@ OF_BASE = ("x", "y", "z", "roll", "pitch", "yaw", "speed")
 
 FAR = 10.0
 """Distances are measured up to this one, in [m]."""
+
+STRIDE = 50_000_000
+"""Least time between measured distances, in [ns]: each takes 0.2 ms."""
+
+CHUNK = 4000
+"""States whose links are placed at once."""
 
 
 class Quantity(NamedTuple):
@@ -54,16 +60,9 @@ class Quantity(NamedTuple):
 class Quantities:
     """Computes quantities of one robot."""
 
-    def __init__(
-        self, description: Description, collisions: Callable[[], SelfCollisions]
-    ) -> None:
-        """Prepare the kinematics.
-
-        Args:
-            description: The robot.
-            collisions: Prepares distances of links, when the first is wanted.
-        """
-        self._description, self._prepare = description, collisions
+    def __init__(self, description: Description) -> None:
+        """Prepare the kinematics."""
+        self._description = description
         self._collisions: SelfCollisions | None = None
         self._kinematics = Kinematics(description)
         self._links = tuple(link.name for link in posed_links(description))
@@ -94,26 +93,27 @@ class Quantities:
 
         Returns:
             Measured, and commanded values, NaN where they are unknown, shape (n,).
+
+        Raises:
+            InvalidValueError: If two links have no distance.
         """
         kind, subjects = quantity
         unknown = np.full(len(stretch.stamps), np.nan)
         if kind in OF_JOINTS:
             return self._of_joint(kind, subjects[0], stretch, unknown)
-        if kind == BASE:
-            poses, twists = stretch.base_poses, stretch.base_twists
-            if subjects[0] == "speed":
-                if twists is None:
-                    return unknown, unknown
-                return np.linalg.norm(twists[:, :3], axis=1), unknown
-            commanded = _coordinate(stretch.commanded_bases, subjects[0])
-            measured = _coordinate(poses, subjects[0])
-            return (
-                unknown if measured is None else measured,
-                unknown if commanded is None else commanded,
-            )
         if kind == SPEED:
             return self._speed(subjects[0], stretch, unknown), unknown
-        return self._distance(subjects, stretch, unknown), unknown
+        if kind == DISTANCE:
+            return self._distance(subjects, stretch, unknown), unknown
+        if subjects[0] == "speed":
+            twists = stretch.base_twists
+            speed = None if twists is None else np.linalg.norm(twists[:, :3], axis=1)
+            return unknown if speed is None else speed, unknown
+        measured, commanded = (
+            unknown if poses is None else _coordinate(poses, subjects[0])
+            for poses in (stretch.base_poses, stretch.commanded_bases)
+        )
+        return measured, commanded
 
     def _of_joint(
         self, kind: str, joint: str, stretch: Stretch, unknown: np.ndarray
@@ -143,35 +143,47 @@ class Quantities:
         """Differentiate the place of a link's origin in the map."""
         if stretch.base_poses is None or len(unknown) < 2:
             return unknown
-        poses = self._link_poses(stretch, stretch.base_poses)
-        places = poses[:, self._links.index(link), :3]
-        return np.linalg.norm(
-            np.gradient(places, 1e-9 * stretch.stamps, axis=0), axis=1
-        )
+        row, places = self._links.index(link), np.empty((len(unknown), 3))
+        for first in range(0, len(unknown), CHUNK):
+            part = slice(first, first + CHUNK)
+            poses = self._link_poses(stretch.rows(part), stretch.base_poses[part])
+            places[part] = poses[:, row, :3]
+        velocity = np.gradient(places, 1e-9 * stretch.stamps, axis=0)
+        return np.linalg.norm(velocity, axis=1)
 
     def _distance(
         self, links: tuple[str, ...], stretch: Stretch, unknown: np.ndarray
     ) -> np.ndarray:
         """Measure between the shapes of two links."""
         if self._collisions is None:
-            self._collisions = self._prepare()
+            self._collisions = SelfCollisions(self._description, ())
         pairs = [
             number
             for number, pair in enumerate(self._collisions.pairs)
             if set(pair) == set(links)
         ]
-        still = np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (len(unknown), 1))
-        poses = self._link_poses(stretch, still)
-        found = self._collisions.contacts(poses, FAR, pairs)
+        if not pairs:
+            raise InvalidValueError(
+                f"There is no distance of {links[0]} and {links[1]}: they are one "
+                "rigid body, or one of them has no shape."
+            )
+        strides = (stretch.stamps - stretch.stamps[0]) // STRIDE
+        kept = np.unique(strides, return_index=True)[1]
+        some = stretch.rows(kept)
+        still = np.tile(IDENTITY, (len(kept), 1))
+        found = self._collisions.contacts(self._link_poses(some, still), FAR, pairs)
         distance = unknown.copy()
-        distance[found.frame] = found.distance
+        distance[kept[found.frame]] = found.distance
+        is_known = ~np.isnan(distance)
+        if is_known.any():
+            rows = np.arange(len(distance))
+            known = rows[is_known]
+            distance = np.interp(rows, known, distance[known])
         return distance
 
 
-def _coordinate(poses: np.ndarray | None, name: str) -> np.ndarray | None:
+def _coordinate(poses: np.ndarray, name: str) -> np.ndarray:
     """Return a coordinate of poses of the base; angles do not jump."""
-    if poses is None:
-        return None
     number = OF_BASE.index(name)
     if number < 3:
         return poses[:, number]
@@ -182,13 +194,12 @@ def _coordinate(poses: np.ndarray | None, name: str) -> np.ndarray | None:
     return angle
 
 
-def motion_stretch(motion: Motion, most: int) -> Stretch:
-    """Return a motion as it is played, at no more than some times."""
-    times = motion.times[:: max(1, -(-len(motion.times) // most))]
-    found = sample(motion, times)
+def motion_stretch(motion: Motion) -> Stretch:
+    """Return a motion as it is played, at the times of its samples."""
+    found = sample(motion, motion.times)
     return Stretch(
         0,
-        np.round(1e9 * times).astype(np.int64),
+        np.round(1e9 * motion.times).astype(np.int64),
         motion.joint_names,
         (),
         found.positions,

@@ -165,15 +165,14 @@ class Newest:
         self._ui.wait_for(self._do)
 
     def _do(self) -> None:
-        while True:
-            with self._lock:
-                act, self._act = self._act, None
-                if act is None:
-                    self._is_busy = False
-                    return
-            try:
+        """Do the newest; what came meanwhile waits behind what others wait for."""
+        with self._lock:
+            act, self._act = self._act, None
+        try:
+            if act is not None:
                 act()
-            except Exception:
-                with self._lock:
-                    self._act, self._is_busy = None, False
-                raise
+        finally:
+            with self._lock:
+                self._is_busy = self._act is not None
+            if self._is_busy:
+                self._ui.wait_for(self._do)

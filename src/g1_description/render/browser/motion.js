@@ -116,13 +116,17 @@ class Motion {
     return [...mix(a.slice(0, 3), b, s), ...turn.map((value) => value / length)];
   }
 
-  /** Poses of all links. */
-  poses(time) {
+  /** Poses of all links, or of those that a set of rows has, with all above them. */
+  poses(time, only = null) {
     const positions = new Array(this.robot.joints.length).fill(0);
     this.joints.forEach((joint, column) => { positions[joint] = this.joint(column, time)[0]; });
     const root = this.root(time);
     const poses = [];
-    for (const link of this.robot.links) {
+    for (const [row, link] of this.robot.links.entries()) {
+      if (only && !only.has(row)) {
+        poses.push(null);
+        continue;
+      }
       if (link.parent === undefined) {
         poses.push(root);
         continue;
@@ -165,7 +169,9 @@ class Motion {
 
   /** Speed of the origin of a link over all samples: differences of its places. */
   speed(link) {
-    const places = Array.from(this.times, (time) => this.poses(time)[link].slice(0, 3));
+    const chain = new Set();
+    for (let row = link; row !== undefined; row = this.robot.links[row].parent) chain.add(row);
+    const places = Array.from(this.times, (time) => this.poses(time, chain)[link].slice(0, 3));
     return Float32Array.from(this.times, (_, row) => {
       const [first, last] = [Math.max(row - 1, 0), Math.min(row + 1, places.length - 1)];
       const [a, b] = [places[first], places[last]];

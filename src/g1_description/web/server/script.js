@@ -261,7 +261,10 @@
     pressed = event.button ? null : event.target.closest?.(".u-over");
     if (pressed) goTo(event);
   });
-  addEventListener("pointermove", (event) => { if (pressed) goTo(event); });
+  addEventListener("pointermove", (event) => {
+    if (!event.buttons) pressed = null;  // it was released outside of the window
+    if (pressed) goTo(event);
+  });
   for (const name of ["pointerup", "pointercancel"]) {
     addEventListener(name, () => { pressed = null; });
   }

@@ -1,0 +1,256 @@
+"""The panel of the history, with the bridge's own history and service behind it."""
+
+from __future__ import annotations
+
+import threading
+import time
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from robots import robot as chain
+from waiting import wait_for
+
+pytest.importorskip("viser", reason="viser is not installed")
+pytest.importorskip("rospy", reason="ROS is not installed")
+
+import viser
+from g1_description.srv import GetHistoryRequest
+
+from g1_description.bridge.history import HistoryServices
+from g1_description.errors import InvalidValueError
+from g1_description.motion.history import History
+from g1_description.robot.state import RobotState
+from g1_description.ros.history import HistoryClient
+from g1_description.ros.waiting import NoAnswerError, RefusedError
+from g1_description.web.file_world import StillRobot
+from g1_description.web.history_panel import HistoryPanel
+from g1_description.web.saved_motions import check_file_name
+from g1_description.web.ui_loop import Newest, UiLoop
+
+BASE = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
+
+
+class Direct(HistoryClient):
+    """Asks the bridge's service without a master."""
+
+    def __init__(self, robot, history):
+        self._services = object.__new__(HistoryServices)
+        self._services._status = SimpleNamespace(
+            history=history, name=robot.name, description=robot.description
+        )
+        self.delay, self.problem = 0.0, ""
+
+    def _ask(self, *request):
+        time.sleep(self.delay)
+        if self.problem:
+            raise NoAnswerError(self.problem)
+        answer = self._services._get(GetHistoryRequest(*request))
+        if not answer.success:
+            raise RefusedError(answer.status_message)
+        return answer
+
+
+class Robot(StillRobot):
+    """A robot with a history; it is where its last state is."""
+
+    def __init__(self, name):
+        super().__init__(name, chain("a", "b"))
+        self.past, self.now, self.commands = History(600.0), None, []
+        self.history = Direct(self, self.past)
+
+    def add(self, at, position):
+        names = tuple(joint.name for joint in self.description.movable_joints)
+        values = np.full(len(names), position)
+        self.now = RobotState(round(1e9 * at), names, values, base_pose=BASE)
+        self.past.add(self.now)
+
+    def state(self):
+        return self.now
+
+    def command_all(self, positions, base):
+        self.commands.append(dict(positions))
+
+
+@pytest.fixture
+def page():
+    """A panel of two robots; `settle` runs its loop until something is true."""
+    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    ui = UiLoop(server, threading.Event())
+    told, checked = [], []
+    ui.tell = lambda text, color="blue": told.append(text)
+    robots = Robot("one"), Robot("two")
+    world = SimpleNamespace(robots=robots, simulator=None)
+    checks = SimpleNamespace(check_motion=lambda *given: checked.append(given))
+    motion = SimpleNamespace(player=None)
+    text = server.gui.add_markdown("")
+    panel = HistoryPanel(server.gui, ui, world, checks, motion, text)
+
+    def settle(condition, what):
+        def run():
+            ui.do_all()
+            panel.follow()
+            return condition()
+
+        return wait_for(run, what)
+
+    for robot, value in zip(robots, (0.1, 0.2)):
+        for number in range(4001):
+            robot.add(10.0 + 0.01 * number, value + 1e-4 * number)
+    yield SimpleNamespace(
+        panel=panel,
+        ui=ui,
+        robots=robots,
+        told=told,
+        checked=checked,
+        text=text,
+        settle=settle,
+        shown=lambda: panel.shown and round(panel.shown.state.time, 6),
+    )
+    server.stop()
+
+
+def test_a_robot_is_never_shown_with_the_state_of_another_one(page):
+    panel, (one, two) = page.panel, page.robots
+    panel.step("-1 s")
+    page.settle(lambda: page.shown() == 49.0, "a second ago")
+    assert panel.past(two) is None
+    two.history.problem = "No bridge."
+    checked = panel._checked
+    checked.robot, checked.run, checked.end, checked.left_at = two, 1, *[50 * 10**9] * 2
+    panel._jump(checked, 30.0)
+    page.settle(lambda: panel._problem.content, "a problem")
+    assert panel.past(two) is None
+    assert page.shown() == 49.0
+    panel._start()
+    page.settle(lambda: panel.shown is None, "live")
+    assert not two.commands
+    (command,) = one.commands
+    assert command["to_b"] == one.past.stretch(1, 49 * 10**9).positions[-1, 0]
+    two.history.problem = ""
+    panel._jump(checked, 30.0)
+    page.settle(lambda: panel.past(two) and page.shown() == 30.0, "the other one")
+
+
+def test_there_is_nothing_later_than_live(page):
+    panel = page.panel
+    for way in ("+1", "+1 s"):
+        panel.step(way)
+    page.settle(lambda: not page.ui.is_busy, "nothing")
+    assert panel.shown is None and not page.text.content
+    panel.step("-1")
+    page.settle(lambda: page.shown() == 49.99, "the state before")
+    panel.step("+1")
+    page.settle(lambda: page.shown() == 50.0, "the last one")
+    assert panel.past(page.robots[0]).before.time < 50.0
+
+
+def test_steps_add_up_while_the_bridge_is_slow(page):
+    panel = page.panel
+    page.robots[0].history.delay = 0.05
+    for _ in range(5):
+        panel.step("-1 s")
+    page.settle(lambda: page.shown() == 45.0, "five seconds ago")
+    for _ in range(3):
+        panel.step("-1")
+        time_before = page.shown()
+        page.settle(lambda t=time_before: page.shown() < t, "one state back")
+    assert page.shown() == 44.97
+
+
+def test_runs_are_those_of_the_robot(page):
+    panel, (one, two) = page.panel, page.robots
+    panel.step("-1 s")
+    page.settle(lambda: "1.00 s ago" in page.text.content, "a second ago")
+    for start in (5.0, 3.0):
+        for number in range(200):
+            one.add(start + 0.01 * number, 0.3)
+    page.settle(lambda: "run 1, 49.000 s" in page.text.content, "another run")
+    panel.live()
+    panel.step("-1")
+    page.settle(lambda: page.shown() == 4.98, "the newest run")
+    assert tuple(panel._runs.options) == ("1", "2", "3")
+    assert panel._runs.value == "3"
+    panel._runs.value = "2"
+    panel._choose_run()
+    page.settle(lambda: page.shown() == 6.99, "the end of the second")
+    page.settle(lambda: "run 2" in page.text.content, "its number")
+    panel._whose.value = "two"
+    panel.live()
+    panel.step("-1 s")
+    page.settle(lambda: panel.past(two), "the other one")
+    assert tuple(panel._runs.options) == ("1",)
+    panel._back.value = 0.0
+    panel._dragged()
+    assert panel.shown is None  # its right end is live
+
+
+def test_what_is_checked_is_the_time_line_when_it_was_pressed(page):
+    panel = page.panel
+    panel._length.value = "5"
+    panel._set_length()
+    release = threading.Event()
+    page.ui.wait_for(release.wait)
+    panel._check()
+    panel._length.value = "10"
+    panel._set_length()
+    release.set()
+    page.settle(lambda: page.checked, "a check")
+    _, robot, motion, _, _ = page.checked[0]
+    assert robot is page.robots[0]
+    np.testing.assert_allclose(motion.times[[0, -1]], [45.0, 50.0], rtol=0, atol=1e-9)
+    assert "45.0 s to 50.0 s" in panel._findings._folder.label
+    page.robots[0].add(50.5, np.nan)
+    panel._check()
+    page.settle(lambda: page.told, "an error")
+    assert "failed" in panel._findings._summary.content
+
+
+def test_a_shorter_time_line_is_about_the_shown_time(page):
+    panel = page.panel
+    panel.step("-1 s")
+    page.settle(lambda: page.shown() == 49.0, "a second ago")
+    panel.go_to(page.robots[1], 30.0)
+    page.settle(lambda: page.shown() == 30.0, "a time of the same robot")
+    assert panel.past(page.robots[0])
+    panel._length.value = "10"
+    panel._set_length()
+    assert panel.shown.end == 35 * 10**9 and panel._back.value == -5.0
+    panel._back.value = 0.0
+    panel._dragged()
+    page.settle(lambda: page.shown() == 35.0, "its right end, which is not live")
+
+
+def test_the_newest_thing_is_done_and_others_come_between(page):
+    newest, done = Newest(page.ui), []
+
+    def fail():
+        done.append("fail")
+        newest.wait_for(lambda: done.append("newest"))
+        raise InvalidValueError("told")
+
+    newest.wait_for(fail)
+    page.ui.wait_for(lambda: done.append("other"))
+    page.settle(lambda: "newest" in done, "all")
+    assert done in (["fail", "other", "newest"], ["fail", "newest", "other"])
+    assert page.told == ["told"]
+
+    def again():
+        done.append("again")
+        newest.wait_for(again)
+
+    newest.wait_for(again)
+    page.ui.wait_for(lambda: done.append("between"))
+    page.settle(lambda: "between" in done, "its turn")
+    newest.wait_for(lambda: None)
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["", "1", "../x", "x./../../y.csv", "a b", "x.html", "x.", "x.csv.bag", "x/y"],
+)
+def test_names_of_files_stay_in_the_folder(name):
+    with pytest.raises(InvalidValueError, match="Invalid file name"):
+        check_file_name(name)
+    for good in ("x", "fault_1.csv", "a-b.bag", "b.npz"):
+        check_file_name(good)
