@@ -97,6 +97,17 @@ def drag(client, back):
     return shown_time(client)
 
 
+def shared(client):
+    """Press Share; return the page, which comes in parts."""
+    client.press("Share")
+    part = "FileTransferPart"
+    client.wait_for(
+        lambda: b"</html>" in bytes(client.others.get(part, {}).get("content", b"")),
+        "the file",
+    )
+    return bytes(client.others[part]["content"]).decode()
+
+
 def bend_of(client, model, joint):
     """Return the position of a joint in the scene, in [rad]."""
     child = joint.replace("_joint", "_link")
@@ -167,6 +178,8 @@ def test_a_fault_is_found_saved_checked_and_gone_back_to(client, states, home):
         "a refusal",
     )
     assert file.read_bytes() == content
+
+    assert re.search('class="result failed"[^$]*self collision', shared(client))
 
     # Checked: its button leads there again.
     client.press("Live")

@@ -385,6 +385,17 @@ class HistoryPanel:
         history = _history(line.robot)
         return line, lambda: history.whole(begin, line.end, line.run)
 
+    def past_motion(self) -> tuple[ShownRobot, Motion] | None:
+        """Return the time line with simulated times; None: the present is shown.
+
+        Raises:
+            G1DescriptionError: If the bridge does not give it.
+        """
+        if self.shown is None:
+            return None
+        line, ask = self._whole()
+        return line.robot, _timed(ask())
+
     def _check(self) -> None:
         """Check the time line."""
         line, ask = self._whole()
@@ -393,10 +404,9 @@ class HistoryPanel:
 
         def motion() -> Motion:
             try:
-                stretch = ask().stretch
-                line.run = stretch.run
-                # Findings have simulated times.
-                return replace(stretch.motion(), times=1e-9 * stretch.stamps)
+                part = ask()
+                line.run = part.stretch.run
+                return _timed(part)
             except G1DescriptionError:
                 self._ui.post((self, "failed"), self._findings.fail)
                 raise
@@ -429,6 +439,11 @@ class HistoryPanel:
             self._ui.tell(text.strip(), "green")
 
         self._ui.wait_for(save)
+
+
+def _timed(part: HistoryPart) -> Motion:
+    """Return states as a motion, whose findings have simulated times."""
+    return replace(part.stretch.motion(), times=1e-9 * part.stretch.stamps)
 
 
 def _history(robot: ShownRobot) -> HistoryClient:

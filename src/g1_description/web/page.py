@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import queue
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -14,7 +15,7 @@ from g1_description.checks.verdict import Verdict
 from g1_description.collisions.self_collisions import SelfCollisions
 from g1_description.errors import InvalidValueError
 from g1_description.ik.posing import roles_of
-from g1_description.motion.motion import configuration
+from g1_description.motion.motion import Motion, configuration
 from g1_description.render.page import motion_page
 from g1_description.robot.state import RobotState
 from g1_description.web.check_thread import CheckThread, MakeChecker
@@ -178,11 +179,16 @@ class Page:
             self._plots = PlotPanel(gui, self.ui, robots, self.motion, history)
 
     def _one_file(self) -> str:
-        """Write a page of the first robot: of its open motion, or as it is now.
+        """Write a page: of the past that is shown, the open motion, or the present.
+
+        It may block.
 
         Raises:
-            G1DescriptionError: If nothing is known of it.
+            G1DescriptionError: If nothing is known of the robot.
         """
+        past = None if self._history is None else self._history.past_motion()
+        if past is not None:
+            return motion_page(past[0].description, past[1], self._verdict(*past))
         robot = self._shown[0].robot
         motion, verdict = self.motion.motions.get(robot), None
         if motion is None:
@@ -195,6 +201,13 @@ class Page:
         else:
             verdict = self.motion.verdicts.get(robot)
         return motion_page(robot.description, motion, verdict)
+
+    def _verdict(self, robot: ShownRobot, motion: Motion) -> Verdict | None:
+        """Wait for the check of a motion; None if it fails."""
+        answers: queue.Queue[Verdict | None] = queue.Queue()
+        fail = partial(answers.put, None)
+        self._checks.check_motion(answers, robot, motion, answers.put, fail)
+        return answers.get()
 
     def _add_arrangement(self) -> None:
         """Add the switch between robots next to each other and overlaid."""

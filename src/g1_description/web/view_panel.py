@@ -53,7 +53,7 @@ class ViewPanel:
             robots: All robots.
             has_commanded: Whether the commanded configuration is known.
             can_move: Whether anybody takes commands.
-            share: Writes a page of the open motion, or of the present configuration.
+            share: Writes a page of what is shown; it may block.
         """
         self._gui, self._ui = gui, ui
         self._make_page = share
@@ -79,7 +79,8 @@ class ViewPanel:
         picture = gui.add_button("Save a picture", hint="of what you see, as PNG")
         picture.on_click(self._save)
         page = gui.add_button(
-            "Share", hint="the open motion, or the robot as it is, as one HTML file"
+            "Share",
+            hint="the shown past, the open motion or the robot, as one HTML file",
         )
         page.on_click(self._share)
         gui.add_html(COPY.format(command=COPY_COMMAND if can_move else ""))
