@@ -17,12 +17,15 @@ pytest.importorskip("rospy", reason="ROS is not installed")
 import viser
 from g1_description.srv import GetHistoryRequest
 
+from g1_description import Robot
 from g1_description.bridge.history import HistoryServices
 from g1_description.errors import InvalidValueError
 from g1_description.motion.history import History
 from g1_description.robot.state import RobotState
 from g1_description.ros.history import HistoryClient
 from g1_description.ros.waiting import NoAnswerError, RefusedError
+from g1_description.sim.standing import standing_base
+from g1_description.web.check_thread import CheckThread
 from g1_description.web.file_world import StillRobot
 from g1_description.web.history_panel import HistoryPanel
 from g1_description.web.saved_motions import check_file_name
@@ -51,7 +54,7 @@ class Direct(HistoryClient):
         return answer
 
 
-class Robot(StillRobot):
+class Rewound(StillRobot):
     """A robot with a history; it is where its last state is."""
 
     def __init__(self, name):
@@ -79,7 +82,7 @@ def page():
     ui = UiLoop(server, threading.Event())
     told, checked = [], []
     ui.tell = lambda text, color="blue": told.append(text)
-    robots = Robot("one"), Robot("two")
+    robots = Rewound("one"), Rewound("two")
     world = SimpleNamespace(robots=robots, simulator=None)
     checks = SimpleNamespace(check_motion=lambda *given: checked.append(given))
     motion = SimpleNamespace(player=None)
@@ -254,3 +257,32 @@ def test_names_of_files_stay_in_the_folder(name):
         check_file_name(name)
     for good in ("x", "fault_1.csv", "a-b.bag", "b.npz"):
         check_file_name(good)
+
+
+def test_a_past_state_is_judged_by_the_one_before_it(page):
+    """Not by the one that was shown before: the robot did not stand still."""
+    model = Robot()
+    names, base = model.joint_names, standing_base(model.description, {})
+    bends = [names.index(name) for name in names if "hip_pitch" in name]
+    robot = StillRobot("g1", model.description)
+    seen = []
+    checks = CheckThread(
+        page.ui, lambda _: model.checker(), lambda *given: seen.append(given)
+    )
+
+    def state(at):
+        positions = np.zeros(len(names))
+        positions[bends] = -at
+        return RobotState(round(1e9 * at), tuple(names), positions, base_pose=base)
+
+    def skipped(*given):
+        seen.clear()
+        checks.check_state(robot, *given)
+        page.settle(lambda: seen, "the verdict")
+        return "the robot moves" in seen[0][2].skipped.values()
+
+    skipped(state(5.0))
+    assert skipped(state(1.0), True, state(0.98))
+    assert not skipped(state(0.5), True)  # nobody knows
+    assert not skipped(state(6.0))  # live again
+    assert skipped(state(6.02))
