@@ -31,7 +31,7 @@ FAULT = (0.6, 0.8)
 """When it is, from the start of its motion, in [s]."""
 SECONDS = 1.5
 """Length of a motion, in [s]."""
-PAST = r"The past is shown:\*\* (-?[\d.]+) s ago \(([\d.]+) s\)"
+PAST = r"Past:\*\* (-?[\d.]+) s ago \(([\d.]+) s\)"
 
 
 def motion(is_faulty):
@@ -73,7 +73,7 @@ def client(address):
         one.wait_until_whole()
         yield one
         one.press("Live")
-        one.wait_for(lambda: not told(one, "The past is shown"), "live")
+        one.wait_for(lambda: not told(one, "Past:"), "live")
 
 
 def told(client, pattern):
@@ -262,7 +262,7 @@ def test_earlier_runs_are_there_while_time_stands(client, states):
     newest = client.value("Run")
     client.set("Run", str(int(newest) - 1))
     found = client.wait_for(
-        lambda: told(client, r"shown:\*\* run \d+, ([\d.]+) s"), "it"
+        lambda: told(client, r"Past:\*\* run \d+, ([\d.]+) s"), "it"
     )
     assert float(found.group(1)) >= before.time - 1e-3
     service("/gazebo/unpause_physics", Empty)()

@@ -140,7 +140,7 @@ def test_there_is_nothing_later_than_live(page):
     for way in ("+1", "+1 s"):
         panel.step(way)
     page.settle(lambda: not page.ui.is_busy, "nothing")
-    assert panel.shown is None and not page.text.content
+    assert panel.shown is None and page.text.content == "**Live**"
     panel.step("-1")
     page.settle(lambda: page.shown() == 49.99, "the state before")
     panel.step("+1")
@@ -222,6 +222,17 @@ def test_a_shorter_time_line_is_about_the_shown_time(page):
     panel._back.value = 0.0
     panel._dragged()
     page.settle(lambda: page.shown() == 35.0, "its right end, which is not live")
+
+
+def test_that_the_history_begins_later_is_told(page):
+    panel = page.panel
+    panel.go_to(page.robots[0], 3.0)
+    page.settle(lambda: page.shown() == 10.0, "the first state")
+    assert "of run 1 begins at 10" in panel._problem.content
+    panel._back.value = -1e9  # is typed, beyond the range
+    panel._dragged()
+    page.settle(lambda: page.shown() == 20.0, "the left end")
+    assert panel._problem.content == ""
 
 
 def test_the_newest_thing_is_done_and_others_come_between(page):

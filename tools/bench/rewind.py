@@ -25,7 +25,7 @@ SWUNG = "left_shoulder_pitch_joint", "left_elbow_joint"
 FAULTY = {"right_shoulder_roll_joint": 0.4, "right_shoulder_yaw_joint": 0.8}
 """Where the right arm is in the torso, in [rad]."""
 RATE, FAULT = 50, 0.2  # [Hz], [s]
-PAST = re.compile(r"The past is shown: .* s ago \(([\d.]+) s\)")
+PAST = re.compile(r"Past: .* s ago \(([\d.]+) s\)")
 
 
 def rewind(bench):
@@ -103,7 +103,7 @@ def search(bench, graph, chromium, address, seconds, at):
     button.wait_for()
     step(f"2. check the last {seconds:g} s: the finding has a button")
     button.click()
-    page.wait_for_function("document.body.innerText.includes('The past is shown')")
+    page.wait_for_function("document.body.innerText.includes('Past:')")
     shown = float(PAST.search(page.inner_text("body")).group(1))
     step("3. press it: the moment is shown")
     if not -0.1 < shown - at < FAULT + 0.1:

@@ -111,7 +111,7 @@ def _history(page: Page) -> None:
     page.press("Check this stretch")
     _wait_for_findings(page, 1)
     page.raw.get_by_role("button", name="self collision").first.click()
-    page.wait_for(lambda: "The past is shown" in page.text(), "the past")
+    page.wait_for(lambda: "Past:" in page.text(), "the past")
 
 
 def _folder(page: Page) -> None:

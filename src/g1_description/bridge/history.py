@@ -117,7 +117,8 @@ class HistoryServices:
         run = request.run or max(runs)
         if run not in runs:
             raise InvalidValueError(
-                f"run must be from {min(runs)} to {max(runs)}, or 0 (got {run})."
+                f"run must be from {min(runs)} to {max(runs)}, or 0 (got {run}); "
+                "a bridge that was restarted begins with 1 again."
             )
         if not 0.0 <= request.last < np.inf:
             raise InvalidValueError(f"last must be at least 0 s (got {request.last}).")

@@ -178,17 +178,17 @@ class HistoryPanel:
         if now < self._looked + PERIOD:
             return
         self._looked = now
-        text, line = "", self.shown
+        text, line = "**Live**", self.shown
         if line is not None and line.state is not None:
             newest, at = line.robot.state(), line.state.stamp
             when = f"run {line.run}, {line.state.time:.3f} s"
             if newest is not None and line.is_newest and newest.stamp >= line.left_at:
                 ago = 1e-9 * (newest.stamp - at)
                 when = f"{ago:.2f} s ago ({line.state.time:.3f} s)"
-            text = f"**The past is shown:** {when}.  \n*Live* or the key L ends that."
-        if self._told.content != text:
+            whose = f" of {plain(line.robot.name)}" if len(self._robots) > 1 else ""
+            text = f"**Past{whose}:** {when}, *key L: live*"
+        if self._told.content != text:  # which is always one line: nothing moves
             self._told.content = text
-            self._told.visible = bool(text)
 
     @property
     def _robot(self) -> ShownRobot:
@@ -231,6 +231,7 @@ class HistoryPanel:
     def _dragged(self) -> None:
         """Show the time at the handle."""
         back, line = float(self._back.value), self._wanted
+        back = min(max(back, -1e-9 * self.length), 0.0)
         is_end_now = line is None or (line.is_newest and line.end == line.left_at)
         if not back < 0.0 and is_end_now:
             self.live()
@@ -343,7 +344,9 @@ class HistoryPanel:
         if not is_dragged:
             self._show_place()
         self._list.content = commands_text(commands)
-        self._tell("")
+        is_before = 0 < wanted < part.first
+        begin = f"The history of run {line.run} begins at {1e-9 * part.first:.3f} s."
+        self._tell(begin if is_before else "")
 
     def _tell(self, problem: str) -> None:
         """Show a problem, or none."""

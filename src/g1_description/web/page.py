@@ -106,7 +106,7 @@ class Page:
             control_width="large", show_logo=False, show_share_button=False
         )
         self._lack = gui.add_markdown("", visible=False)
-        past = gui.add_markdown("", visible=False)
+        past = gui.add_markdown("", visible=self._can_rewind)
         self._simulator = None
         if self._world.simulator is not None:
             robot, simulator = self._world.robots[0].name, self._world.simulator
@@ -129,7 +129,7 @@ class Page:
         if not motion_first:
             self._add_motion(tabs)
         self._history: HistoryPanel | None = None
-        if not self._read_only and self._world.can_move and self._has_history:
+        if self._can_rewind:
             with tabs.add_tab("History"):
                 self._history = HistoryPanel(
                     gui, self.ui, self._world, self._checks, self.motion, past
@@ -143,9 +143,10 @@ class Page:
             self._add_looks(tabs)
 
     @property
-    def _has_history(self) -> bool:
-        """Whether the past of robots is kept."""
-        return any(robot.history is not None for robot in self._world.robots)
+    def _can_rewind(self) -> bool:
+        """Whether the past of robots is kept, and may be shown."""
+        has_history = any(robot.history is not None for robot in self._world.robots)
+        return has_history and self._world.can_move and not self._read_only
 
     def _add_motion(self, tabs: GuiTabGroupHandle) -> None:
         """Add the tab of the motion, and of what is found."""

@@ -43,9 +43,6 @@ TICK = 0.1
 SHARE = 4.0
 """Least pause between two computations of lines, as a multiple of the first one."""
 
-LIVE = 30.0
-"""Longest time that is plotted live, in [s]."""
-
 MAX_POINTS = 700
 """Of a line: uPlot leaves out pixels with unknown values when there are more points
 than four per pixel. The least and the largest values stay."""
@@ -60,6 +57,8 @@ ROBOT, MOTION = "the robot", "the open motion"
 COLORS = ("#d64541", "#1f77b4", "#2ca02c", "#ff7f0e", "#9467bd", "#17becf")
 
 LEGEND = "*Solid: measured. Dashed: commanded.*"
+
+NOTHING = "*Nothing is known: open a motion, or wait for a state of the robot.*"
 
 AGAIN = 3.0
 """Time until it is tried again what has failed, in [s]."""
@@ -108,8 +107,8 @@ class PlotPanel:
         self._data: Data = {}
         self._pool = ThreadPoolExecutor(1)
         self._computing: Future[None] | None = None
-        self._live: dict[ShownRobot, Stretch] = {}
-        """The last seconds of robots, as plotted last."""
+        self._live: dict[ShownRobot, tuple[int, Stretch]] = {}
+        """Lengths in [ns], and the last states of robots, as plotted last."""
         self._guard = EditGuard(1.0)
         self._looked = self._next = 0.0
         self._shown: object = None
@@ -160,6 +159,7 @@ class PlotPanel:
         self._to.visible = kind == DISTANCE
         if kind == DISTANCE:
             self._to.options = names
+            self._to.value = names[min(1, len(names) - 1)]
 
     def _add_line(self) -> None:
         """Add the chosen line."""
@@ -205,7 +205,7 @@ class PlotPanel:
                 self._plots[unit] = self._gui.add_uplot(
                     self._columns(lines),
                     tuple(series),
-                    scales=_scales(()),
+                    scales={"x": {"time": False}},  # a change would zoom out
                     axes=({"show": True}, {"label": unit, "size": 56}),
                     padding=(10, 24, 0, 0),
                     cursor={"drag": {"x": False, "y": False}},  # type: ignore
@@ -289,12 +289,12 @@ class PlotPanel:
                 if motion is not None:
                     found[robot] = partial(motion_stretch, motion)
             elif robot.history is not None:
-                past, length = self._history.past(robot), self._history.length
+                past, length = self._history.shown, self._history.length
                 if past is None:
                     found[robot] = partial(self._present, robot, length)
-                else:
-                    begin = max(past.end - length, 1)
-                    span = begin, past.end, past.run
+                else:  # also of robots that are not rewound, at the same time
+                    run = past.run if past.robot is robot else 0
+                    span = max(past.end - length, 1), past.end, run
                     found[robot] = partial(_states, robot.history, *span)
         return found
 
@@ -303,16 +303,19 @@ class PlotPanel:
         newest, history = robot.state(), robot.history
         if newest is None or history is None:
             return None
-        length = min(length, round(1e9 * LIVE))
-        found = self._live.get(robot)
-        if found is not None and 0 <= newest.stamp - found.stamps[-1] < length:
-            if newest.stamp > found.stamps[-1]:
-                last, run = int(found.stamps[-1]), found.run
+        known, found = self._live.get(robot, (0, None))
+        if (
+            found is not None
+            and length <= known
+            and 0 <= newest.stamp - found.stamps[-1] < length
+        ):
+            last, run = int(found.stamps[-1]), found.run
+            if newest.stamp > last:
                 found = joined([found, _states(history, last + 1, newest.stamp, run)])
         else:
             found = history.whole(last=1e-9 * length).stretch
         found = found.rows(found.stamps >= found.stamps[-1] - length)
-        self._live[robot] = found
+        self._live[robot] = length, found
         return found
 
     def _compute(
@@ -345,11 +348,16 @@ class PlotPanel:
         """Draw new lines, or tell why there are none; pause before the next ones."""
         self._next = max(self._next, time.monotonic() + pause)
         text = plain(problem) or LEGEND
+        if not data and not problem:
+            text = NOTHING
         if self._told.content != text:
             self._told.content = text
         if problem:
             self._shown = None
         self._data = data
+        ends = [times[-1] for times, _, _ in data.values()]
+        if ends and self._at() is None and not self._guard.is_held(self._time):
+            self._guard.show(self._time, round(max(ends), 3))
         self._draw()
 
     def _draw(self) -> None:
@@ -358,11 +366,7 @@ class PlotPanel:
         for unit, lines in self._by_unit().items():
             if unit in self._plots:
                 plot = self._plots[unit]
-                columns = self._columns(lines)
-                scales = _scales(columns[1:-1])
-                if scales != plot.scales:
-                    plot.scales = scales
-                plot.data = columns
+                plot.data = self._columns(lines)
 
     def _columns(self, lines: Sequence[Curve]) -> tuple[np.ndarray, ...]:
         """Return common times, the columns of lines, and the mark."""
@@ -377,11 +381,11 @@ class PlotPanel:
             for values in both if line.quantity.is_commanded else both[:1]:
                 columns.append(np.interp(times, own, values, np.nan, np.nan))
         times, columns = thinned(times, columns)
-        mark = np.full(len(times), np.nan)
-        at = self._marked
+        # Without a mark it is at the left, so that the axis has its limits.
+        mark, row, at = np.full(len(times), np.nan), 0, self._marked
         if at is not None and times[0] <= at <= times[-1]:
             row = min(int(np.searchsorted(times, at)), len(times) - 2)
-            mark[row : row + 2] = _scales(columns)["y"]["range"]
+        mark[row : row + 2] = _limits(columns)
         return (times, *columns, mark)
 
     def _go(self) -> None:
@@ -392,6 +396,8 @@ class PlotPanel:
             return
         if self._is_of_motion or self._history is None:
             self._motion.jump(at)
+            if self._history is not None:
+                self._history.live()  # it would not be seen
         else:
             chosen = self._robots[self._whose.value]
             first = self._lines[0].robot if self._lines else chosen
@@ -423,12 +429,11 @@ def thinned(
     return times[kept], found
 
 
-def _scales(lines: Sequence[np.ndarray]) -> dict[str, Any]:
-    """Choose what the axes show: uPlot's own choice for a constant is 0 to 100."""
+def _limits(lines: Sequence[np.ndarray]) -> tuple[float, float]:
+    """Return what the axis of values shows: uPlot shows 0 to 100 for a constant."""
     known = np.concatenate([[], *lines])
     known = known[np.isfinite(known)]
     if not known.size:
         known = np.zeros(1)
-    room = max(0.1 * float(np.ptp(known)), LEAST_ROOM)
-    below, above = float(known.min()) - room, float(known.max()) + room
-    return {"x": {"time": False}, "y": {"range": (round(below, 3), round(above, 3))}}
+    room = max(0.05 * float(np.ptp(known)), LEAST_ROOM)
+    return float(known.min()) - room, float(known.max()) + room

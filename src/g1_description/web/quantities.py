@@ -106,9 +106,7 @@ class Quantities:
         if kind == DISTANCE:
             return self._distance(subjects, stretch, unknown), unknown
         if subjects[0] == "speed":
-            twists = stretch.base_twists
-            speed = None if twists is None else np.linalg.norm(twists[:, :3], axis=1)
-            return unknown if speed is None else speed, unknown
+            return _speed(stretch, stretch.base_poses, unknown), unknown
         measured, commanded = (
             unknown if poses is None else _coordinate(poses, subjects[0])
             for poses in (stretch.base_poses, stretch.commanded_bases)
@@ -118,11 +116,12 @@ class Quantities:
     def _of_joint(
         self, kind: str, joint: str, stretch: Stretch, unknown: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        arrays = {VELOCITY: stretch.velocities, EFFORT: stretch.efforts}
-        array = arrays.get(kind, stretch.positions)
+        array = stretch.efforts if kind == EFFORT else stretch.positions
         measured, commanded = unknown, unknown
         if array is not None and joint in stretch.names:
             measured = array[:, stretch.names.index(joint)]
+            if kind == VELOCITY:
+                measured = _slope(stretch, measured)
         if stretch.commanded is not None and joint in stretch.commanded_names:
             commanded = stretch.commanded[:, stretch.commanded_names.index(joint)]
         if kind == ERROR:
@@ -141,15 +140,14 @@ class Quantities:
 
     def _speed(self, link: str, stretch: Stretch, unknown: np.ndarray) -> np.ndarray:
         """Differentiate the place of a link's origin in the map."""
-        if stretch.base_poses is None or len(unknown) < 2:
+        if stretch.base_poses is None:
             return unknown
         row, places = self._links.index(link), np.empty((len(unknown), 3))
         for first in range(0, len(unknown), CHUNK):
             part = slice(first, first + CHUNK)
             poses = self._link_poses(stretch.rows(part), stretch.base_poses[part])
             places[part] = poses[:, row, :3]
-        velocity = np.gradient(places, 1e-9 * stretch.stamps, axis=0)
-        return np.linalg.norm(velocity, axis=1)
+        return _speed(stretch, places, unknown)
 
     def _distance(
         self, links: tuple[str, ...], stretch: Stretch, unknown: np.ndarray
@@ -182,6 +180,22 @@ class Quantities:
         return distance
 
 
+def _slope(stretch: Stretch, values: np.ndarray) -> np.ndarray:
+    """Differentiate values at the times of a stretch, shape (n, ...), by time."""
+    if len(values) < 2:
+        return np.full(values.shape, np.nan)
+    return np.gradient(values, 1e-9 * (stretch.stamps - stretch.stamps[0]), axis=0)
+
+
+def _speed(
+    stretch: Stretch, places: np.ndarray | None, unknown: np.ndarray
+) -> np.ndarray:
+    """Differentiate places, shape (n, 3 or more), by time."""
+    if places is None:
+        return unknown
+    return np.linalg.norm(_slope(stretch, places[:, :3]), axis=1)
+
+
 def _coordinate(poses: np.ndarray, name: str) -> np.ndarray:
     """Return a coordinate of poses of the base; angles do not jump."""
     number = OF_BASE.index(name)
@@ -203,7 +217,5 @@ def motion_stretch(motion: Motion) -> Stretch:
         motion.joint_names,
         (),
         found.positions,
-        found.velocities,
-        found.base_poses,
-        found.base_twists,
+        base_poses=found.base_poses,
     )

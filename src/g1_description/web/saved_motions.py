@@ -11,7 +11,7 @@ from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.robot.poses import user_file
 
-NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*(\.(csv|npz|bag))?")
+NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,99}(\.(csv|npz|bag))?")
 
 
 def folder() -> Path:
@@ -27,8 +27,8 @@ def check_file_name(name: str) -> None:
     """
     if not NAME.fullmatch(name):
         raise InvalidValueError(
-            f"Invalid file name: {name!r}. It must begin with a letter, contain only "
-            "letters, digits, _ and -, and may end in .csv, .npz or .bag."
+            f"Invalid file name: {name!r}. It must begin with a letter, have at most "
+            "100 letters, digits, _ and -, and may end in .csv, .npz or .bag."
         )
 
 
