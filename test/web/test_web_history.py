@@ -229,6 +229,7 @@ def test_that_the_history_begins_later_is_told(page):
     panel.go_to(page.robots[0], 3.0)
     page.settle(lambda: page.shown() == 10.0, "the first state")
     assert "of run 1 begins at 10" in panel._problem.content
+    panel.live()
     panel._back.value = -1e9  # is typed, beyond the range
     panel._dragged()
     page.settle(lambda: page.shown() == 20.0, "the left end")
