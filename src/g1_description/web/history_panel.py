@@ -37,8 +37,9 @@ STEP = 0.001
 PERIOD = 0.1
 """Period of updates of the text, in [s]."""
 
-AROUND = SECOND
-"""Commands are listed from this time before the shown one to as long after it."""
+BEFORE, AFTER = 10 * SECOND, SECOND
+"""Commands are listed from this time before the shown one to that after it: a motion
+may still be played."""
 
 MAX_LINES = 12
 """Largest number of listed commands."""
@@ -298,7 +299,7 @@ class HistoryPanel:
                 history = _history(line.robot)
                 part = ask(history, line.run)
                 stamp = int(part.stretch.stamps[-1])
-                span = max(stamp - AROUND, 1), stamp + AROUND
+                span = max(stamp - BEFORE, 1), stamp + AFTER
                 commands = history.part(*span, part.stretch.run, max_states=1).commands
             except G1DescriptionError as error:
                 self._ui.post(self, partial(self._fail, line, str(error)))
@@ -402,8 +403,8 @@ class HistoryPanel:
     def _check(self) -> None:
         """Check the time line."""
         line, ask = self._whole()
-        span = 1e-9 * (line.end - self.length), 1e-9 * line.end
-        self._findings.begin(f"{max(span[0], 0.0):.1f} s to {span[1]:.1f} s")
+        begin, end = 1e-9 * max(line.end - self.length, 0), 1e-9 * line.end
+        self._findings.begin(f"{begin:.1f} s to {end:.1f} s")
 
         def motion() -> Motion:
             try:
@@ -415,6 +416,7 @@ class HistoryPanel:
                 raise
 
         def check(found: Motion) -> None:
+            span = found.times[0], found.times[-1]
             show = partial(self._show_verdict, line, span)
             fail = self._findings.fail
             self._checks.check_motion(self, line.robot, found, show, fail)
@@ -457,12 +459,12 @@ def _history(robot: ShownRobot) -> HistoryClient:
 
 def commands_text(commands: Sequence[CommandStream]) -> str:
     """Format commands in Markdown, with time, sender and content."""
-    lines = ["**Commands within 1 s:**" + ("" if commands else " none"), ""]
-    for one in commands[:MAX_LINES]:
+    lines = ["**Commands, 10 s before to 1 s after:**" + " none" * (not commands), ""]
+    if len(commands) > MAX_LINES:
+        lines.append(f"- {len(commands) - MAX_LINES} earlier ones")
+    for one in commands[-MAX_LINES:]:
         sender, topic, content = one.command
         again = f" x {one.count}" if one.count > 1 else ""
         text = f"{1e-9 * one.first:.3f} s{again}, {sender}, {topic}: {content}"
         lines.append(f"- {plain(text)}")
-    if len(commands) > MAX_LINES:
-        lines.append(f"- and {len(commands) - MAX_LINES} more")
     return "\n".join(lines)
