@@ -6,6 +6,7 @@ that the times it notes are those of the sockets.
 
 import select
 import socket
+import struct
 import time
 from contextlib import suppress
 from http.client import HTTPException
@@ -224,3 +225,9 @@ def received_or_nothing(sock):
         return sock.recv(CHUNK)
     except ConnectionError:
         return b""
+
+
+def stamp_of(body):
+    """Return the stamp of an encoded message with a header, in [s]."""
+    seconds, nanoseconds = struct.unpack_from("<II", body, 4)
+    return seconds + 1e-9 * nanoseconds

@@ -7,6 +7,7 @@ from contextlib import closing
 from itertools import product
 
 import numpy as np
+from g1_description.msg import MotorCommands, MotorStates
 from rosgraph_msgs.msg import Clock
 
 from g1_description.robot.launch_arguments import ENGINES
@@ -15,8 +16,8 @@ from g1_description.sim.rollout import Conditions, rollout
 from g1_description.sim.world import World
 
 from .graph import Graph
-from .peer import Peer
-from tcpros import Service
+from .peer import Peer, stamp_of
+from tcpros import Service, body_of, packed
 
 STANDING = np.array([0.0, 0.0, 0.793, 0.0, 0.0, 0.0, 1.0])
 SWUNG = ("left_shoulder_pitch_joint", "right_knee_joint")
@@ -34,7 +35,9 @@ def physics(bench):
     Each figure of a step is the median of ten runs of 100 steps, the engines in turns;
     without ROS, of one thread. How fast time passes is that of a node without a limit
     of speed, at the default rate of states and with one state per step, while a program
-    listens to /clock. A check of physics simulates the package's squat.
+    listens to /clock. A check of physics simulates the package's squat. A controller
+    sends motor_commands of all joints a thousand times a second to a robot that hangs,
+    with a state per step, in real time.
     """
     steps = bench.length(100, 20)
     for name, case in CASES.items():
@@ -53,6 +56,9 @@ def physics(bench):
     for engine, rate in product(ENGINES, (200, 1000)):
         with bench.attempt(f"a node with {engine}, lying, rate:={rate}"):
             _in_a_node(bench, engine, rate)
+    for engine in ENGINES:
+        with bench.attempt(f"a controller at 1 kHz with {engine}"):
+            _controlled(bench, engine)
 
 
 def _settled(bench, engine, physics, fixed, moved):
@@ -110,3 +116,44 @@ def _in_a_node(bench, engine, rate):
         bench.add(f"lying, {engine}, rate:={rate}", factor, "x real time")
         memory = node.memory("VmHWM")
         bench.add(f"memory, {engine}, rate:={rate}", memory, "MB")
+
+
+def _controlled(bench, engine):
+    """Measure how fast time passes, and states, under commands at 1 kHz."""
+    words = ("physics:=hold", f"engine:={engine}", "rate:=1000")
+    with Graph() as graph, closing(Peer()) as peer:
+        graph.launch(bench.model, *words)
+        node, came = graph.node("/gazebo"), []
+        peer.subscribe("/gazebo/motor_states", MotorStates, lambda *it: came.append(it))
+        topic = peer.advertise("/gazebo/motor_commands", MotorCommands)
+        peer.wait(lambda: came and topic.callers, "the simulator")
+        with closing(Service("/gazebo/set_gantry")) as service:
+            service("g1_robot", "", True, 1.0)
+        n = len(bench.robot.joint_names)
+        command = MotorCommands(
+            model_name="g1_robot", joint_names=[*bench.robot.joint_names]
+        )
+        command.q, command.dq, command.tau = [0.0] * n, [0.0] * n, [0.0] * n
+        command.kp, command.kd = [60.0] * n, [2.0] * n
+        message = packed(body_of(command))
+        seconds = bench.length(10.0, 3.0)
+
+        def send(seconds):
+            begin = time.monotonic()
+            for number in range(round(1000 * seconds)):
+                topic.send(message)
+                peer.serve(begin + 1e-3 * (number + 1))
+
+        send(2.0)
+        came.clear()
+        meter = node.meter()
+        send(seconds)
+        cpu, wall = meter()
+        stamps = [stamp_of(body) for _, body in (came[0], came[-1])]
+        passed = came[-1][0] - came[0][0]
+        factor = (stamps[1] - stamps[0]) / passed
+        bench.add(
+            f"controller at 1 kHz, {engine}", factor, "x real time", ">= 0.99", "-"
+        )
+        bench.add(f"its states, {engine}", (len(came) - 1) / passed, "Hz")
+        bench.add(f"its simulator, {engine}", 100.0 * cpu / wall, "% of a core")

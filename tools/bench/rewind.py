@@ -5,7 +5,6 @@ from __future__ import annotations
 import random
 import re
 import shutil
-import struct
 import subprocess
 import time
 from collections import deque
@@ -18,7 +17,7 @@ from sensor_msgs.msg import JointState
 from .browser import HAS_ROBOT, SIZE, TIMEOUT, is_open
 from .graph import Graph, MeasurementError, free_port, wait_for
 from .html import FIRST, FLAGS, ROOT
-from .peer import Peer
+from .peer import Peer, stamp_of
 from tcpros import body_of, packed
 
 SWUNG = "left_shoulder_pitch_joint", "left_elbow_joint"
@@ -72,12 +71,6 @@ def plan(peer, seconds):
         topic.send(packed(body_of(message)))
         peer.serve(begin + (number + 1) / RATE)
     return at
-
-
-def stamp_of(body):
-    """Return the stamp of an encoded message with a header, in [s]."""
-    seconds, nanoseconds = struct.unpack_from("<II", body, 4)
-    return seconds + 1e-9 * nanoseconds
 
 
 def search(bench, graph, chromium, address, seconds, at):
