@@ -314,7 +314,7 @@ def test_a_seventh_line_takes_the_place_of_the_first(browser):
         add(browser, POSITION, joint)
     (labels,) = drawn(browser)
     assert "position, left_knee" not in labels
-    assert labels.count("commanded") == plots.MAX_LINES
+    assert labels.count("commanded") == plots.MAX_CURVES
 
 
 def test_peaks_stay_when_points_are_left_out():

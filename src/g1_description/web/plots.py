@@ -47,7 +47,7 @@ MAX_POINTS = 700
 """Of a line: uPlot leaves out pixels with unknown values when there are more points
 than four per pixel. The least and the largest values stay."""
 
-MAX_LINES = 6
+MAX_CURVES = 6
 
 LEAST_ROOM = 0.005
 """Above and below the lines, in their unit."""
@@ -102,7 +102,7 @@ class PlotPanel:
         self._motion, self._history = motion, history
         self._robots = {robot.name: robot for robot in robots}
         self._quantities = {robot: Quantities(robot.description) for robot in robots}
-        self._lines: list[Curve] = []
+        self._curves: list[Curve] = []
         self._plots: dict[str, GuiUplotHandle] = {}
         self._data: Data = {}
         self._pool = ThreadPoolExecutor(1)
@@ -142,7 +142,7 @@ class PlotPanel:
         ui.on(self._kind, self._choose)
         ui.on(self._of, lambda: None)
         ui.on(self._to, lambda: None)
-        ui.on(add, self._add_line)
+        ui.on(add, self._add_curve)
         ui.on(clear, self._clear)
         ui.on(self._source, self.refresh)
         ui.on(self._time, self._go)
@@ -161,8 +161,8 @@ class PlotPanel:
             self._to.options = names
             self._to.value = names[min(1, len(names) - 1)]
 
-    def _add_line(self) -> None:
-        """Add the chosen line."""
+    def _add_curve(self) -> None:
+        """Add the chosen curve."""
         robot, kind = self._robots[self._whose.value], self._kind.value
         quantities = self._quantities[robot]
         subject = self._of.value
@@ -176,14 +176,14 @@ class PlotPanel:
             subjects = (subject, self._to.value)
             if subject == self._to.value:
                 raise InvalidValueError("Choose two links, in Of and To.")
-        line = Curve(robot, Quantity(kind, subjects))
-        if line not in self._lines:
-            self._lines = [*self._lines, line][-MAX_LINES:]
+        curve = Curve(robot, Quantity(kind, subjects))
+        if curve not in self._curves:
+            self._curves = [*self._curves, curve][-MAX_CURVES:]
             self._make()
 
     def _clear(self) -> None:
-        """Remove all lines."""
-        self._lines = []
+        """Remove all curves."""
+        self._curves = []
         self._make()
 
     def _make(self) -> None:
@@ -191,19 +191,19 @@ class PlotPanel:
         for plot in self._plots.values():
             plot.remove()
         self._plots = {}
-        for unit, lines in self._by_unit().items():
+        for unit, curves in self._by_unit().items():
             series: list[Any] = [{"label": "s"}]
-            for line in lines:
-                color = COLORS[self._lines.index(line)]
-                name = self._label(line)
+            for curve in curves:
+                color = COLORS[self._curves.index(curve)]
+                name = self._label(curve)
                 series.append({"label": name, "stroke": color, "width": 1.5})
-                if line.quantity.is_commanded:
+                if curve.quantity.is_commanded:
                     dashed = {"stroke": color, "width": 1.0, "dash": [5, 4]}
                     series.append({"label": "commanded", **dashed})
             series.append({"label": "shown time", "stroke": "#888888", "width": 1.0})
             with self._folder:
                 self._plots[unit] = self._gui.add_uplot(
-                    self._columns(lines),
+                    self._columns(curves),
                     tuple(series),
                     scales={"x": {"time": False}},  # a change would zoom out
                     axes=({"show": True}, {"label": unit, "size": 56}),
@@ -214,19 +214,19 @@ class PlotPanel:
         self.refresh()
 
     def _by_unit(self) -> dict[str, list[Curve]]:
-        """Return the lines by their units."""
+        """Return the curves by their units."""
         found: dict[str, list[Curve]] = {}
-        for line in self._lines:
-            unit = self._quantities[line.robot].unit(line.quantity)
-            found.setdefault(unit, []).append(line)
+        for curve in self._curves:
+            unit = self._quantities[curve.robot].unit(curve.quantity)
+            found.setdefault(unit, []).append(curve)
         return found
 
-    def _label(self, line: Curve) -> str:
-        """Name a line."""
-        kind, subjects = line.quantity
+    def _label(self, curve: Curve) -> str:
+        """Name a curve."""
+        kind, subjects = curve.quantity
         words = " to ".join(label_of(subject) for subject in subjects)
         text = f"{kind}, {words}"
-        return f"{line.robot.name}: {text}" if len(self._robots) > 1 else text
+        return f"{curve.robot.name}: {text}" if len(self._robots) > 1 else text
 
     # --- drawing ---
 
@@ -248,14 +248,14 @@ class PlotPanel:
         at = self._at()
         if at is not None and not self._guard.is_held(self._time):
             self._guard.show(self._time, round(at, 3))
-        if not self._lines:
+        if not self._curves:
             return
         shown = self._wanted()
         is_idle = self._computing is None or self._computing.done()
         if is_idle and now >= self._next and (shown is None or shown != self._shown):
             self._shown, self._next = shown, now + PERIOD
-            lines = [*self._lines]
-            act = partial(self._compute, lines, self._sources(lines))
+            curves = [*self._curves]
+            act = partial(self._compute, curves, self._sources(curves))
             self._computing = self._pool.submit(self._ui.guarded, act)
         elif at != self._marked:
             self._draw()
@@ -270,20 +270,20 @@ class PlotPanel:
 
     def _wanted(self) -> object:
         """Tell what is plotted; None: the present, which is always another one."""
-        lines = tuple(self._lines)
+        curves = tuple(self._curves)
         if self._is_of_motion or self._history is None:
-            return lines, tuple(map(id, self._motion.motions.values()))
+            return curves, tuple(map(id, self._motion.motions.values()))
         shown = self._history.shown
         if shown is None:
             return None
-        return lines, shown.robot, shown.run, shown.end, self._history.length
+        return curves, shown.robot, shown.run, shown.end, self._history.length
 
     def _sources(
-        self, lines: Sequence[Curve]
+        self, curves: Sequence[Curve]
     ) -> dict[ShownRobot, Callable[[], Stretch | None]]:
         """Return what has the states of each robot; it may block."""
         found: dict[ShownRobot, Callable[[], Stretch | None]] = {}
-        for robot in {line.robot for line in lines}:
+        for robot in {curve.robot for curve in curves}:
             if self._is_of_motion or self._history is None:
                 motion = self._motion.motions.get(robot)
                 if motion is not None:
@@ -320,24 +320,24 @@ class PlotPanel:
 
     def _compute(
         self,
-        lines: Sequence[Curve],
+        curves: Sequence[Curve],
         sources: Mapping[ShownRobot, Callable[[], Stretch | None]],
     ) -> None:
-        """Compute lines, in a thread of its own."""
+        """Compute curves, in a thread of its own."""
         begin = time.monotonic()
         data: dict[Curve, Any] = {}
         stretches: dict[ShownRobot, Stretch | None] = {}
         problem = ""
-        for line in lines:
-            robot = line.robot
+        for curve in curves:
+            robot = curve.robot
             try:
                 if robot in sources and robot not in stretches:
                     stretches[robot] = None
                     stretches[robot] = sources[robot]()
                 stretch = stretches.get(robot)
                 if stretch is not None:
-                    values = self._quantities[robot].lines(line.quantity, stretch)
-                    data[line] = (1e-9 * stretch.stamps, *values)
+                    values = self._quantities[robot].lines(curve.quantity, stretch)
+                    data[curve] = (1e-9 * stretch.stamps, *values)
             except G1DescriptionError as error:
                 problem = str(error)
                 self._live.pop(robot, None)
@@ -363,22 +363,22 @@ class PlotPanel:
     def _draw(self) -> None:
         """Hand the lines to the plots, with a mark at the shown time."""
         self._marked = self._at()
-        for unit, lines in self._by_unit().items():
+        for unit, curves in self._by_unit().items():
             if unit in self._plots:
                 plot = self._plots[unit]
-                plot.data = self._columns(lines)
+                plot.data = self._columns(curves)
 
-    def _columns(self, lines: Sequence[Curve]) -> tuple[np.ndarray, ...]:
+    def _columns(self, curves: Sequence[Curve]) -> tuple[np.ndarray, ...]:
         """Return common times, the columns of lines, and the mark."""
-        known = [self._data[line][0] for line in lines if line in self._data]
+        known = [self._data[curve][0] for curve in curves if curve in self._data]
         times = np.unique(np.concatenate(known)) if known else np.zeros(0)
         if len(times) < 2:
             times = np.array([0.0, 1.0])
         columns = []
-        for line in lines:
+        for curve in curves:
             unknown = np.full(len(times), np.nan)
-            own, *both = self._data.get(line, (times, unknown, unknown))
-            for values in both if line.quantity.is_commanded else both[:1]:
+            own, *both = self._data.get(curve, (times, unknown, unknown))
+            for values in both if curve.quantity.is_commanded else both[:1]:
                 columns.append(np.interp(times, own, values, np.nan, np.nan))
         times, columns = thinned(times, columns)
         # Without a mark it is at the left, so that the axis has its limits.
@@ -400,7 +400,7 @@ class PlotPanel:
                 self._history.live()  # it would not be seen
         else:
             chosen = self._robots[self._whose.value]
-            first = self._lines[0].robot if self._lines else chosen
+            first = self._curves[0].robot if self._curves else chosen
             self._history.go_to(first, at)
 
 
@@ -429,9 +429,9 @@ def thinned(
     return times[kept], found
 
 
-def _limits(lines: Sequence[np.ndarray]) -> tuple[float, float]:
+def _limits(curves: Sequence[np.ndarray]) -> tuple[float, float]:
     """Return what the axis of values shows: uPlot shows 0 to 100 for a constant."""
-    known = np.concatenate([[], *lines])
+    known = np.concatenate([[], *curves])
     known = known[np.isfinite(known)]
     if not known.size:
         known = np.zeros(1)
