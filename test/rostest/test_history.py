@@ -3,6 +3,7 @@
 import subprocess
 import tempfile
 import unittest
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +29,8 @@ from g1_description import Client
 from g1_description.motion.files.formats import read_motion
 from g1_description.robot.urdf import parse_urdf
 from g1_description.ros.conversions import robot_state_from_message
-from g1_description.ros.history import stretch_from_answer
+from g1_description.ros.history import HistoryClient, stretch_from_answer
+from g1_description.ros.waiting import NoAnswerError, RefusedError
 
 ELBOW, KNEE = "left_elbow_joint", "right_knee_joint"
 LONG = 1000.0
@@ -183,15 +185,38 @@ class TestHistory(unittest.TestCase):
         self.assertLess(np.abs(elbow - 0.3).min(), 1e-9)
         self.assertAlmostEqual(elbow[-1], 0.9, 9)
 
+    def bridge(self, namespace, *arguments):
+        """Start another bridge, and wait for it."""
+        command = [program("link_states_bridge.py"), f"__ns:={namespace}", *arguments]
+        process = subprocess.Popen(command)
+        self.addCleanup(process.wait, DEADLINE)
+        self.addCleanup(process.terminate)
+        service(f"{namespace}/get_history", GetHistory)
+        return process
+
+    def test_a_client_finds_the_bridge_again_after_a_restart(self):
+        client = HistoryClient("/again/get_history")
+        self.addCleanup(client.close)
+        for _ in range(2):
+            process = self.bridge("/again", "robot_description:=/robot_description")
+
+            def has_states():
+                with suppress(RefusedError):  # none yet
+                    return client.part()
+
+            part = wait_for(has_states, "a state")
+            self.assertEqual((part.first_run, part.last_run), (1, 1))
+            before, at = client.at(part.last).stretch.stamps
+            self.assertTrue(before < at == part.last)
+            process.terminate()
+            process.wait(DEADLINE)
+        with self.assertRaisesRegex(NoAnswerError, "is a bridge running"):
+            client.part()
+
     def test_a_bridge_without_a_history_says_so(self):
         for namespace, words in (("left", "is a bridge running"), ("off", "~history")):
             if namespace == "off":
-                bridge = subprocess.Popen(
-                    [program("link_states_bridge.py"), "__ns:=/off", "_history:=0"]
-                )
-                self.addCleanup(bridge.wait, DEADLINE)
-                self.addCleanup(bridge.terminate)
-                service("/off/get_history", GetHistory)
+                self.bridge("/off", "_history:=0")
             path = self.folder / "none.csv"
             command = [program("record"), path, "--last", "1", "--namespace", namespace]
             run = subprocess.run(
