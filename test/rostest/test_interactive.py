@@ -256,7 +256,19 @@ def test_a_locked_link_stays_and_a_free_one_does_not(rviz, world):
     rviz.switch("right_hand", "Lock")
     rviz.drag("pelvis", down)
     world.wait_at("pelvis", pelvis + 2 * down)
-    assert not world.is_at(OTHER_HAND, hand)
+    wait_for(lambda: not world.is_at(OTHER_HAND, hand), "the free hand to go along")
+
+
+def test_that_balance_needs_a_foot_is_in_the_menu(rviz):
+    feet = "left_foot", "right_foot"
+    for foot in feet:
+        assert "[x] Balance" in rviz.titles("head")
+        rviz.switch(foot, "Lock")
+    title = "[x] Balance (lock a foot first)"
+    wait_for(lambda: title in rviz.titles("head"), title)
+    for foot in feet:
+        rviz.switch(foot, "Lock")
+    wait_for(lambda: "[x] Balance" in rviz.titles("head"), "balance")
 
 
 def test_a_robot_is_mirrored_and_changes_are_undone(rviz, world):

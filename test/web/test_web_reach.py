@@ -389,3 +389,11 @@ def test_a_browser_drags_a_hand(g1, robot):
     finally:
         show.stop()
         thread.join()
+
+
+def test_there_is_no_balance_without_a_foot_that_stays(panel):
+    for feet in ((True, True), (False, True), (False, False), (True, False)):
+        for box, stays in zip(panel._holds.values(), feet):
+            box.value = stays
+        panel._choose()
+        assert panel._balance.disabled == (not any(feet))

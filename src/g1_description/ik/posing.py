@@ -114,6 +114,11 @@ class Posing:
         return self._apart is not None
 
     @property
+    def stands(self) -> bool:
+        """Whether a foot stays, above which the robot can balance."""
+        return not self.held.isdisjoint(self.feet)
+
+    @property
     def standing_pose(self) -> str:
         """Name of the pose in which the robot stands, by its profile."""
         robot = self._description

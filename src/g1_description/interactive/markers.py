@@ -285,7 +285,8 @@ class InteractiveMarkers:
             menu.setCheckState(add(title, act), state)
 
         add_switch("Lock", partial(self._lock, role), role in posing.held)
-        add_switch("Balance", partial(self._switch, "balance"), posing.balance)
+        balance = "Balance" if posing.stands else "Balance (lock a foot first)"
+        add_switch(balance, partial(self._switch, "balance"), posing.balance)
         add_switch("Avoid collisions", self._switch_collisions, posing.avoid_collisions)
         add("Mirror", posing.mirror)
         add("Undo", posing.undo)

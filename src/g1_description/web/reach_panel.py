@@ -154,6 +154,7 @@ class ReachPanel:
         """Take the switches over."""
         self.posing.held = {foot for foot, box in self._holds.items() if box.value}
         self.posing.balance = bool(self._balance.value)
+        self._balance.disabled = not self.posing.stands
         self.posing.avoid_collisions = bool(self._avoid.value)
 
     def _prepare(self) -> None:
