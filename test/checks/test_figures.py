@@ -6,6 +6,7 @@ from checked import ARM, POST, post_motion
 
 from g1_description import Robot
 from g1_description.motion.motion import Motion
+from g1_description.robot.transform import compose, inverse
 from g1_description.sim.standing import standing_base
 
 MASS = 10.5
@@ -36,6 +37,28 @@ def test_a_way_there_and_back(post):
     assert figures["largest_drift"] == pytest.approx(1.0, rel=1e-3)
     assert figures["energy"] == pytest.approx(0.0, abs=0.05)
     assert figures["contact_share"] == 1.0
+
+
+def test_a_foot_that_stays_at_all_samples_does_not_drift():
+    """Between samples joints move on lines, and the foot a little there and back."""
+    g1 = Robot()
+    times = np.arange(26) / 25.0
+    bend = 0.9 * np.clip(times, 0.0, 0.8) / 0.8
+    positions = np.zeros((len(times), len(g1.joint_names)))
+    for joint, factor in (("hip_pitch", -1.0), ("knee", 2.0), ("ankle_pitch", -1.0)):
+        for side in ("left", "right"):
+            column = g1.joint_names.index(f"{side}_{joint}_joint")
+            positions[:, column] = factor * bend
+    feet = g1.link_poses(positions)["left_ankle_roll_link"]
+    start = standing_base(g1.description, {})
+    stays = g1.link_poses(np.zeros(len(g1.joint_names)), start)["left_ankle_roll_link"]
+    bases = compose(stays, inverse(feet))
+    motion = Motion(times, g1.joint_names, positions, base_poses=bases)
+    places = g1.link_poses(positions, bases)["left_ankle_roll_link"]
+    assert np.abs(places - stays).max() < 1e-9
+    verdict = g1.check(motion, only=["drift"])
+    assert verdict.findings == ()
+    assert verdict.figures["largest_drift"] < 1e-6
 
 
 def test_energy_is_what_is_lifted(post):

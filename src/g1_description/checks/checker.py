@@ -216,9 +216,9 @@ def _figures(measured: Measured) -> dict[str, float]:
         any_link = measured.in_contact.any(axis=1)
         found["contact_share"] = time_share(measured.times, any_link)
     if measured.ground is not None and len(measured.times) > 1:
-        moves, touches = measured.ground.moves, ~np.isnan(measured.once(slides))
+        touches = ~np.isnan(measured.once(slides))
         if touches.any():
-            distances = drifts(moves, touches, measured.times)
+            distances = drifts(measured.ground.steps, touches)
             found["largest_drift"] = float(np.nanmax(distances))
     if measured.contacts is not None:
         found["deepest_self_collision"] = float(measured.depth.max())

@@ -12,7 +12,7 @@ from g1_description.checks.intervals import runs, without_short
 from g1_description.checks.thresholds import Thresholds
 from g1_description.collisions.convex_shapes import ConvexShape
 from g1_description.motion.motion import SNAP
-from g1_description.robot.rotation import cross, to_axes
+from g1_description.robot.rotation import conjugate, cross, multiply, rotate, to_axes
 
 SLIDE_WINDOW = 0.1
 """Time over which a sliding link's speed is averaged, in [s]."""
@@ -56,6 +56,11 @@ class GroundPiece:
     """Their velocities along the map's x and y, the mean of the points that touch the
     floor when the link does, in [m/s], shape (n, k, 2)."""
 
+    steps: np.ndarray
+    """How far the mean of these points moves along x and y until the next sample, in
+    [m], shape (n, k, 2); NaN at the last sample. Between samples a foot that is held
+    goes a little way there and back: its velocities at the samples do not tell."""
+
     speed: np.ndarray
     """Speeds of their lowest points, in [m/s], shape (n, k)."""
 
@@ -71,7 +76,7 @@ class GroundPiece:
 class GroundFrames:
     """How a robot stands, at each sample of a motion.
 
-    ``columns``, ``lowest``, ``slide`` and ``moves`` are those of a ``GroundPiece``;
+    ``columns``, ``lowest``, ``slide`` and ``steps`` are those of a ``GroundPiece``;
     ``heights`` are those of the links of ``columns``, shape (n, k).
     """
 
@@ -79,7 +84,7 @@ class GroundFrames:
     heights: np.ndarray
     lowest: np.ndarray
     slide: np.ndarray
-    moves: np.ndarray
+    steps: np.ndarray
     in_contact: np.ndarray
     """Whether a link supports the robot, shape (n, k)."""
 
@@ -149,6 +154,7 @@ class Ground:
         touching = points[:, 2] <= heights[tuple(owner)] + limits.contact_height
         touching_velocity = point_velocity[touching, :2], owner[:, touching]
         slide, moves = _means(velocity[..., :2], *touching_velocity)
+        steps = self._steps(link_poses, lowest, points[touching], owner[:, touching])
         lowest[..., 2] += limits.floor_height
         speed = np.linalg.norm(velocity, axis=-1)
         is_used = heights <= limits.bearing_height
@@ -160,6 +166,7 @@ class Ground:
             lowest[:, used],
             slide[:, used],
             moves[:, used],
+            steps[:, used],
             speed[:, used],
             owner,
             points[:, :2],
@@ -203,6 +210,34 @@ class Ground:
         origin[..., 2] -= self._thresholds.floor_height
         return np.asarray(twist[..., :3] + cross(twist[..., 3:], points - origin))
 
+    def _steps(
+        self,
+        poses: np.ndarray,
+        lowest: np.ndarray,
+        points: np.ndarray,
+        at: np.ndarray,
+    ) -> np.ndarray:
+        """Compute how far points of links move until the next sample.
+
+        Args:
+            poses: Of all links, shape (n, n_links, 7).
+            lowest: Lowest points of links, heights above the floor, shape (n, k, 3).
+            points: Those that touch the floor when the link does, shape (m, 3).
+            at: Samples and columns of their links, shape (2, m).
+
+        Returns:
+            Along x and y, of the means, shape (n, k, 2); NaN at the last sample.
+        """
+        _, center = _means(lowest[..., :2], points[:, :2], at)
+        place = np.concatenate([center, lowest[..., 2:]], axis=-1)
+        place[..., 2] += self._thresholds.floor_height
+        links = poses[:, self.rows]
+        turn = multiply(links[1:, :, 3:], conjugate(links[:-1, :, 3:]))
+        moved = links[1:, :, :3] + rotate(turn, place[:-1] - links[:-1, :, :3])
+        steps = np.full((*place.shape[:2], 2), np.nan)
+        steps[:-1] = (moved - place[:-1])[..., :2]
+        return steps
+
     def frames(self, pieces: Sequence[GroundPiece], times: np.ndarray) -> GroundFrames:
         """Find how the robot stands.
 
@@ -218,13 +253,15 @@ class Ground:
         low = np.concatenate(moved, axis=1)
         low[1] = np.searchsorted(columns, low[1])
         points = np.concatenate([piece.low_points for piece in pieces])
-        lowest, slide, moves, speed = (
+        lowest, slide, moves, steps, speed = (
             _spread(pieces, name, columns)
-            for name in ("lowest", "slide", "moves", "speed")
+            for name in ("lowest", "slide", "moves", "steps", "speed")
         )
+        gaps = np.diff(times, append=times[-1])[:, np.newaxis, np.newaxis]
+        steps = np.where(np.isnan(steps), gaps * moves, steps)
         in_contact = self._contacts(heights, speed, times, self._is_end[columns])
         support = _support(low, points, in_contact)
-        return GroundFrames(columns, heights, lowest, slide, moves, in_contact, support)
+        return GroundFrames(columns, heights, lowest, slide, steps, in_contact, support)
 
     def _contacts(
         self,
@@ -360,13 +397,12 @@ def _means(
     return speed, np.stack([*axes], axis=-1)
 
 
-def drifts(moves: np.ndarray, touches: np.ndarray, times: np.ndarray) -> np.ndarray:
+def drifts(steps: np.ndarray, touches: np.ndarray) -> np.ndarray:
     """Compute how far links have moved along the floor since they touched it.
 
     Args:
-        moves: Velocities along the floor in [m/s], shape (n, n_links, 2).
+        steps: Ways along the floor to the next sample in [m], shape (n, n_links, 2).
         touches: Whether a link touches the floor, shape (n, n_links).
-        times: Of the samples in [s], shape (n,).
 
     Returns:
         In [m], NaN where a link does not touch, shape (n, n_links).
@@ -374,11 +410,9 @@ def drifts(moves: np.ndarray, touches: np.ndarray, times: np.ndarray) -> np.ndar
     found = np.full(touches.shape, np.nan)
     for column in np.flatnonzero(touches.any(axis=0)):
         for first, last in runs(touches[:, column]):
-            rows = slice(first, last + 1)
-            velocity, elapsed = moves[rows, column], np.diff(times[rows])
-            steps = 0.5 * (velocity[1:] + velocity[:-1]) * elapsed[:, np.newaxis]
             found[first, column] = 0.0
-            found[first + 1 : last + 1, column] = np.hypot(*np.cumsum(steps, axis=0).T)
+            way = np.cumsum(steps[first:last, column], axis=0)
+            found[first + 1 : last + 1, column] = np.hypot(*way.T)
     return found
 
 

@@ -70,9 +70,9 @@ def _drifts(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
     """
     frames, speeds = _ground(measured), measured.once(slides)
     is_slow = ~SKATING.exceeds(speeds, SKATING.lowest(measured.robot.thresholds))
-    moves = frames.moves * is_slow[..., np.newaxis]
+    is_slow[:-1] &= is_slow[1:]
     touches = ~np.isnan(speeds)
-    sizes = drifts(moves, touches, measured.times)
+    sizes = drifts(frames.steps * is_slow[..., np.newaxis], touches)
     for column in rule.columns(measured, sizes):
         link, points = measured.ground_links[column], frames.lowest[:, column]
         whole = np.full(len(sizes), np.nan)  # of a contact, while the link moves
