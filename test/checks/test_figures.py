@@ -58,7 +58,7 @@ def test_a_foot_that_stays_at_all_samples_does_not_drift():
     assert np.abs(places - stays).max() < 1e-9
     verdict = g1.check(motion, only=["drift"])
     assert verdict.findings == ()
-    assert verdict.figures["largest_drift"] < 1e-6
+    assert verdict.figures["largest_drift"] < 2e-5  # on its way there and back
 
 
 def test_energy_is_what_is_lifted(post):
