@@ -369,7 +369,6 @@ def test_a_press_in_a_plot_goes_to_that_time(page):
     page.raw.mouse.up()
     page.wait_for(lambda: PAST.search(page.text()), "the past")
     middle = 0.5 * sum(plotted(page))
-    page.choose("Quantity", "velocity")  # a list that does not keep the key L below
 
     def shown():
         return float(PAST.search(page.text()).group(1))

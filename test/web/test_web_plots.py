@@ -247,7 +247,12 @@ def test_lines_of_the_open_motion_by_unit_with_the_shown_time(shown, browser):
     knee += "commanded", "shown time"
     speed = ("s", "velocity, left_elbow", "shown time")
     browser.wait_for(
-        lambda: {*drawn(browser)} == {knee, speed} and len(drawn(browser)[knee][0]) > 2,
+        lambda: (
+            {*drawn(browser)} == {knee, speed}
+            and all(
+                len(columns[0]) == len(times) for columns in drawn(browser).values()
+            )
+        ),
         "two plots",
     )
     own, elbow, planned, other, _, _ = drawn(browser)[knee]

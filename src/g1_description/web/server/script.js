@@ -287,13 +287,6 @@
     if (find("Undecided")) press(PRESSED[key]);  // else there is no list
   });
 
-  // A list keeps the focus when something was chosen, and the keys of the page with it.
-  addEventListener("click", (event) => {
-    if (event.target.closest?.("[role=option]")) {
-      setTimeout(() => document.activeElement?.blur());
-    }
-  });
-
   // Keys of the page act at this element; further up, viser turns the camera with them.
   document.documentElement.addEventListener("keydown", (event) => {
     if (event.key === "ArrowLeft" || event.key === "ArrowRight") event.stopPropagation();
