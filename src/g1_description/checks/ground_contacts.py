@@ -152,21 +152,25 @@ class Ground:
         velocity = self._velocity(link_poses, link_twists, lowest, np.indices(shape))
         point_velocity = self._velocity(link_poses, link_twists, points, owner)
         touching = points[:, 2] <= heights[tuple(owner)] + limits.contact_height
-        touching_velocity = point_velocity[touching, :2], owner[:, touching]
-        slide, moves = _means(velocity[..., :2], *touching_velocity)
-        steps = self._steps(link_poses, lowest, points[touching], owner[:, touching])
+        means = _means(
+            _averaged(velocity, lowest),
+            _averaged(point_velocity[touching], points[touching]),
+            owner[:, touching],
+        )
         lowest[..., 2] += limits.floor_height
         speed = np.linalg.norm(velocity, axis=-1)
         is_used = heights <= limits.bearing_height
         is_used[np.arange(len(heights)), heights.argmin(axis=1)] = True
         used = np.flatnonzero(is_used.any(axis=0))
+        slide, moves, place = np.split(means[:, used], (1, 3), axis=-1)
+        place = np.concatenate([place, lowest[:, used, 2:]], axis=-1)
         return GroundPiece(
             used,
             heights,
             lowest[:, used],
-            slide[:, used],
-            moves[:, used],
-            steps[:, used],
+            slide[..., 0],
+            moves,
+            _steps(link_poses[:, self.rows[used]], place),
             speed[:, used],
             owner,
             points[:, :2],
@@ -209,34 +213,6 @@ class Ground:
         origin, twist = poses[frame, row, :3], twists[frame, row]
         origin[..., 2] -= self._thresholds.floor_height
         return np.asarray(twist[..., :3] + cross(twist[..., 3:], points - origin))
-
-    def _steps(
-        self,
-        poses: np.ndarray,
-        lowest: np.ndarray,
-        points: np.ndarray,
-        at: np.ndarray,
-    ) -> np.ndarray:
-        """Compute how far points of links move until the next sample.
-
-        Args:
-            poses: Of all links, shape (n, n_links, 7).
-            lowest: Lowest points of links, heights above the floor, shape (n, k, 3).
-            points: Those that touch the floor when the link does, shape (m, 3).
-            at: Samples and columns of their links, shape (2, m).
-
-        Returns:
-            Along x and y, of the means, shape (n, k, 2); NaN at the last sample.
-        """
-        _, center = _means(lowest[..., :2], points[:, :2], at)
-        place = np.concatenate([center, lowest[..., 2:]], axis=-1)
-        place[..., 2] += self._thresholds.floor_height
-        links = poses[:, self.rows]
-        turn = multiply(links[1:, :, 3:], conjugate(links[:-1, :, 3:]))
-        moved = links[1:, :, :3] + rotate(turn, place[:-1] - links[:-1, :, :3])
-        steps = np.full((*place.shape[:2], 2), np.nan)
-        steps[:-1] = (moved - place[:-1])[..., :2]
-        return steps
 
     def frames(self, pieces: Sequence[GroundPiece], times: np.ndarray) -> GroundFrames:
         """Find how the robot stands.
@@ -368,33 +344,50 @@ def _mean_speeds(
     return found
 
 
-def _means(
-    velocity: np.ndarray, touching: np.ndarray, owner: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def _averaged(velocity: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """Return speed, velocity and place along x and y, shape (..., 5)."""
+    along = velocity[..., :2]
+    speed = np.hypot(along[..., :1], along[..., 1:])
+    return np.concatenate([speed, along, place[..., :2]], axis=-1)
+
+
+def _means(lowest: np.ndarray, touching: np.ndarray, owner: np.ndarray) -> np.ndarray:
     """Average over the points of a link that touch the floor.
 
     Which corner of a flat sole is the lowest is a matter of rounding.
 
     Args:
-        velocity: Of the lowest points, along x and y in [m/s], shape (n, n_links, 2).
-        touching: The same of all points that touch, shape (k, 2).
+        lowest: Values of the lowest points, shape (n, n_links, m).
+        touching: The same of all points that touch, shape (k, m).
         owner: Their samples and links, shape (2, k).
 
     Returns:
-        Speeds, shape (n, n_links), and velocities, shape (n, n_links, 2); of the lowest
-        points where none touches.
+        Shape (n, n_links, m); the values of the lowest points where none touches.
     """
-    shape = velocity.shape[:2]
+    shape = lowest.shape[:2]
     at = np.ravel_multi_index(tuple(owner), shape)
-    count = np.bincount(at, minlength=shape[0] * shape[1]).reshape(shape)
+    count = np.bincount(at, minlength=shape[0] * shape[1])
+    totals = [np.bincount(at, values, len(count)) for values in touching.T]
+    means = np.stack(totals, axis=-1) / np.maximum(count, 1)[:, np.newaxis]
+    means = means.reshape(lowest.shape)
+    return np.where(count.reshape(shape)[..., np.newaxis] > 0, means, lowest)
 
-    def mean(lowest: np.ndarray, values: np.ndarray) -> np.ndarray:
-        total = np.bincount(at, weights=values, minlength=count.size).reshape(shape)
-        return np.where(count > 0, total / np.maximum(count, 1), lowest)
 
-    speed = mean(np.hypot(*np.moveaxis(velocity, -1, 0)), np.hypot(*touching.T))
-    axes = (mean(velocity[..., axis], touching[:, axis]) for axis in (0, 1))
-    return speed, np.stack([*axes], axis=-1)
+def _steps(poses: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Compute how far points that are fixed to links move until the next sample.
+
+    Args:
+        poses: Of the links, shape (n, k, 7).
+        points: In the map, shape (n, k, 3).
+
+    Returns:
+        Along x and y, shape (n, k, 2); NaN at the last sample.
+    """
+    turn = multiply(poses[1:, :, 3:], conjugate(poses[:-1, :, 3:]))
+    moved = poses[1:, :, :3] + rotate(turn, points[:-1] - poses[:-1, :, :3])
+    steps = np.full((*points.shape[:2], 2), np.nan)
+    steps[:-1] = (moved - points[:-1])[..., :2]
+    return steps
 
 
 def drifts(steps: np.ndarray, touches: np.ndarray) -> np.ndarray:
