@@ -10,6 +10,7 @@ import numpy as np
 
 from g1_description.errors import DescriptionError, MotionError
 from g1_description.motion.edit import moved
+from g1_description.motion.files.conventions import of_robot
 from g1_description.motion.motion import Motion, configuration
 from g1_description.robot.assembly import WORLD, Assembly
 from g1_description.robot.description import Description, Link, origin_reaches
@@ -128,11 +129,7 @@ def lowest_height(robot: Description, trajectory: Motion) -> float:
 
 def lowest_heights(robot: Description, trajectory: Motion) -> np.ndarray:
     """Like ``lowest_height``, of each sample, shape (n_samples,)."""
-    columns = {name: n for n, name in enumerate(trajectory.joint_names)}
-    positions = np.zeros((len(trajectory.times), len(robot.movable_joints)))
-    for row, joint in enumerate(robot.movable_joints):
-        if joint.name in columns:
-            positions[:, row] = trajectory.positions[:, columns[joint.name]]
+    positions = of_robot(trajectory.joint_names, trajectory.positions, robot)
     bases = trajectory.base_poses
     if bases is None:
         bases = np.broadcast_to(IDENTITY, (len(positions), 7))

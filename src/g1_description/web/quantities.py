@@ -9,6 +9,7 @@ import numpy as np
 from g1_description.collisions.convex_shapes import posed_links
 from g1_description.collisions.self_collisions import SelfCollisions
 from g1_description.errors import InvalidValueError
+from g1_description.motion.files.conventions import of_robot
 from g1_description.motion.history_chunks import Stretch
 from g1_description.motion.motion import Motion, sample
 from g1_description.robot.assembly import root_in_base
@@ -67,7 +68,6 @@ class Quantities:
         self._kinematics = Kinematics(description)
         self._links = tuple(link.name for link in posed_links(description))
         self._joints = {j.name: j for j in description.movable_joints}
-        self._columns = {name: column for column, name in enumerate(self._joints)}
 
     def choices(self, kind: str) -> tuple[str, ...]:
         """List the subjects of a kind."""
@@ -130,11 +130,7 @@ class Quantities:
 
     def _link_poses(self, stretch: Stretch, bases: np.ndarray) -> np.ndarray:
         """Place all links, for bases of shape (n, 7); unknown joints are at zero."""
-        known = [name for name in stretch.names if name in self._columns]
-        positions = np.zeros((len(stretch.stamps), len(self._joints)))
-        positions[:, [self._columns[name] for name in known]] = stretch.positions[
-            :, [stretch.names.index(name) for name in known]
-        ]
+        positions = of_robot(stretch.names, stretch.positions, self._description)
         roots = compose(bases, root_in_base(self._description))
         return self._kinematics.link_poses(roots, positions)
 
