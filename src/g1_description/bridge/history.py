@@ -199,8 +199,8 @@ class Efforts:
         known = dict(zip(message.joint_names, message.tau))
         efforts = [known.get(name, np.nan) for name in status.state.names]
         stamp = message.header.stamp.to_nsec()
-        if stamp >= status.stamp:  # their state may still come
-            time.sleep(PAUSE)  # then several are read at once, for half the time
+        if stamp >= status.stamp:  # the newest: wait for some more
+            time.sleep(PAUSE)  # several are read at once, for half the time
         status.history.add_efforts(stamp, np.array(efforts))
 
 

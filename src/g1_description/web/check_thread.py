@@ -54,7 +54,7 @@ class CheckThread:
         self._live: dict[ShownRobot, LiveCheck] = {}
         self._lock = threading.Condition()
         self._states: dict[ShownRobot, tuple[RobotState, bool, RobotState | None]] = {}
-        self._was_past: set[ShownRobot] = set()
+        self._was_past: dict[ShownRobot, bool] = {}
         self._motions: dict[tuple[object, ShownRobot], _Request] = {}
         threading.Thread(target=self._work, daemon=True).start()
 
@@ -147,11 +147,9 @@ class CheckThread:
         if robot not in self._live:
             self._live[robot] = LiveCheck(self._checker(robot))
         live = self._live[robot]
-        if past or robot in self._was_past:
+        if past or self._was_past.get(robot):
             live.begin_again()
-            self._was_past = (
-                (self._was_past | {robot}) if past else self._was_past - {robot}
-            )
+        self._was_past[robot] = past
         if before is not None:
             live.check(before.time, before.positions_by_name, before.base_pose)
         verdict = live.check(state.time, state.positions_by_name, state.base_pose)

@@ -291,7 +291,7 @@ class HistoryPanel:
         ask: Callable[[HistoryClient, int], HistoryPart],
         is_dragged: bool = False,
     ) -> None:
-        """Ask for a state, and show it if it is still wanted then."""
+        """Request a state in the thread that waits; a newer request replaces it."""
         self._wanted, wanted = line, line.wanted
 
         def fetch() -> None:
@@ -326,7 +326,7 @@ class HistoryPanel:
         commands: Sequence[CommandStream],
         is_dragged: bool,
     ) -> None:
-        """Show a state, unless another time line is wanted by now."""
+        """Show a state; that of a time line that was left meanwhile is dropped."""
         if self._wanted is not line:
             return
         states = part.stretch.states()

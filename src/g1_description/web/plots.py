@@ -41,7 +41,7 @@ TICK = 0.1
 """Time between two looks at what is shown, in [s]."""
 
 SHARE = 4.0
-"""Least pause between two computations of lines, as a multiple of the first one."""
+"""Least pause after lines were computed, as a multiple of the time that it took."""
 
 MAX_POINTS = 700
 """Of a line: uPlot leaves out pixels with unknown values when there are more points
@@ -61,7 +61,7 @@ LEGEND = "*Solid: measured. Dashed: commanded.*"
 NOTHING = "*Nothing is known: open a motion, or wait for a state of the robot.*"
 
 AGAIN = 3.0
-"""Time until it is tried again what has failed, in [s]."""
+"""Pause after an error, in [s]."""
 
 TIME = "Time in the plots"
 """Label of the field that the page's script fills in on a press in a plot."""
@@ -190,8 +190,8 @@ class PlotPanel:
         """Recreate the plots."""
         for plot in self._plots.values():
             plot.remove()
-        self._plots = {}
-        for unit, curves in self._by_unit().items():
+        self._plots, by_unit = {}, self._by_unit()
+        for unit, curves in by_unit.items():
             series: list[Any] = [{"label": "s"}]
             for curve in curves:
                 color = COLORS[self._curves.index(curve)]
@@ -209,7 +209,7 @@ class PlotPanel:
                     axes=({"show": True}, {"label": unit, "size": 56}),
                     padding=(10, 24, 0, 0),
                     cursor={"drag": {"x": False, "y": False}},  # type: ignore
-                    aspect=1.1 if len(self._by_unit()) == 1 else 1.6,
+                    aspect=1.1 if len(by_unit) == 1 else 1.6,
                 )
         self.refresh()
 
@@ -235,9 +235,9 @@ class PlotPanel:
         self._shown, self._next = None, 0.0
 
     @property
-    def _is_of_motion(self) -> bool:
-        """Whether the open motion is plotted."""
-        return self._history is None or self._source.value == MOTION
+    def _plotted(self) -> HistoryPanel | None:
+        """The history, if it is plotted; None: the open motion is."""
+        return None if self._source.value == MOTION else self._history
 
     def follow(self) -> None:
         """Update the plots; called by the thread that draws."""
@@ -262,34 +262,36 @@ class PlotPanel:
 
     def _at(self) -> float | None:
         """Return the time that is shown, in [s]; None: the present."""
-        if self._is_of_motion:
+        history = self._plotted
+        if history is None:
             player = self._motion.player
             return None if player is None else player.time
-        shown = None if self._history is None else self._history.shown
+        shown = history.shown
         return None if shown is None or shown.state is None else shown.state.time
 
     def _wanted(self) -> object:
         """Tell what is plotted; None: the present, which is always another one."""
-        curves = tuple(self._curves)
-        if self._is_of_motion or self._history is None:
+        curves, history = tuple(self._curves), self._plotted
+        if history is None:
             return curves, tuple(map(id, self._motion.motions.values()))
-        shown = self._history.shown
+        shown = history.shown
         if shown is None:
             return None
-        return curves, shown.robot, shown.run, shown.end, self._history.length
+        return curves, shown.robot, shown.run, shown.end, history.length
 
     def _sources(
         self, curves: Sequence[Curve]
     ) -> dict[ShownRobot, Callable[[], Stretch | None]]:
         """Return what has the states of each robot; it may block."""
         found: dict[ShownRobot, Callable[[], Stretch | None]] = {}
+        history = self._plotted
         for robot in {curve.robot for curve in curves}:
-            if self._is_of_motion or self._history is None:
+            if history is None:
                 motion = self._motion.motions.get(robot)
                 if motion is not None:
                     found[robot] = partial(motion_stretch, motion)
             elif robot.history is not None:
-                past, length = self._history.shown, self._history.length
+                past, length = history.shown, history.length
                 if past is None:
                     found[robot] = partial(self._present, robot, length)
                 else:  # also of robots that are not rewound, at the same time
@@ -364,9 +366,7 @@ class PlotPanel:
         """Hand the lines to the plots, with a mark at the shown time."""
         self._marked = self._at()
         for unit, curves in self._by_unit().items():
-            if unit in self._plots:
-                plot = self._plots[unit]
-                plot.data = self._columns(curves)
+            self._plots[unit].data = self._columns(curves)
 
     def _columns(self, curves: Sequence[Curve]) -> tuple[np.ndarray, ...]:
         """Return common times, the columns of lines, and the mark."""
@@ -394,14 +394,15 @@ class PlotPanel:
         self._guard.hold(self._time)
         if not math.isfinite(at):
             return
-        if self._is_of_motion or self._history is None:
+        history = self._plotted
+        if history is None:
             self._motion.jump(at)
             if self._history is not None:
                 self._history.live()  # it would not be seen
         else:
             chosen = self._robots[self._whose.value]
             first = self._curves[0].robot if self._curves else chosen
-            self._history.go_to(first, at)
+            history.go_to(first, at)
 
 
 def _states(history: HistoryClient, begin: int, end: int, run: int) -> Stretch:
