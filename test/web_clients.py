@@ -1,6 +1,7 @@
 """Clients of the browser view's server, as browsers and as others that try."""
 
 import http.client
+import threading
 from contextlib import contextmanager
 from typing import NamedTuple
 from urllib.parse import urlsplit
@@ -31,6 +32,18 @@ class Answer(NamedTuple):
     status: int
     headers: http.client.HTTPMessage
     body: bytes
+
+
+@contextmanager
+def running(show):
+    """Run a page in a thread; give it."""
+    thread = threading.Thread(target=show.run)
+    thread.start()
+    try:
+        yield show
+    finally:
+        show.stop()
+        thread.join()
 
 
 @contextmanager

@@ -6,13 +6,13 @@ and two are the vendor's. test/rostest/test_other_robot.py displays one.
 
 import subprocess
 import sys
-import threading
 from pathlib import Path
 
 import numpy as np
 import pybullet_data
 import pytest
 from conftest import REPOSITORY, VENDOR
+from web_clients import running
 
 from g1_description.api import Robot
 from g1_description.cli import check, web
@@ -134,18 +134,11 @@ def test_the_page_has_no_pose_and_no_name_of_the_g1(stranger):
     args = parse(web.WebOptions, "web", ["--model", str(stranger)])
     world, _ = web.make_world(args)
     show = Show(world, ServerOptions(port=0), lambda robot: Robot(stranger).checker())
-    thread = threading.Thread(target=show.run)
-    thread.start()
-    client = PageClient(show.address)
-    try:
+    with running(show), PageClient(show.address) as client:
         client.wait_until_whole()
         assert [*client.element("Take")["options"]] == ["zero"]
         words = {w for e in [*client.elements.values()] for w in str(e).split("'")}
         assert not words & ITS_NAMES
-    finally:
-        client.close()
-        show.stop()
-        thread.join()
 
 
 def test_the_command_check_says_nothing_of_the_g1(stranger, tmp_path):

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import threading
-import time
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from robots import robot as chain
-from waiting import wait_for
+from waiting import DEADLINE, wait_for
 
 pytest.importorskip("viser", reason="viser is not installed")
 pytest.importorskip("rospy", reason="ROS is not installed")
@@ -42,10 +41,11 @@ class Direct(HistoryClient):
         self._services._status = SimpleNamespace(
             history=history, name=robot.name, description=robot.description
         )
-        self.delay, self.problem = 0.0, ""
+        self.problem, self.may_answer = "", threading.Event()
+        self.may_answer.set()
 
     def _ask(self, *request):
-        time.sleep(self.delay)
+        assert self.may_answer.wait(DEADLINE)
         if self.problem:
             raise NoAnswerError(self.problem)
         answer = self._services._get(GetHistoryRequest(*request))
@@ -150,9 +150,11 @@ def test_there_is_nothing_later_than_live(page):
 
 def test_steps_add_up_while_the_bridge_is_slow(page):
     panel = page.panel
-    page.robots[0].history.delay = 0.05
+    may_answer = page.robots[0].history.may_answer
+    may_answer.clear()
     for _ in range(5):
         panel.step("-1 s")
+    may_answer.set()
     page.settle(lambda: page.shown() == 45.0, "five seconds ago")
     for _ in range(3):
         panel.step("-1")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import threading
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +20,8 @@ from g1_description.web.server.address import ServerOptions
 from g1_description.web.show import Show
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
+from web_clients import running
+
 from page_client import PageClient
 
 
@@ -39,11 +40,8 @@ def shown(g1):
     robot = StillRobot("g1", g1.description)
     checker = g1.checker()
     show = Show(FileWorld([robot], None), ServerOptions(port=0), lambda _: checker)
-    thread = threading.Thread(target=show.run)
-    thread.start()
-    yield robot, show
-    show.stop()
-    thread.join()
+    with running(show):
+        yield robot, show
 
 
 @pytest.fixture

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import threading
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +35,8 @@ from g1_description.web.server.address import ServerOptions
 from g1_description.web.show import Show
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
+from web_clients import running
+
 from page_client import PageClient
 
 BALL = '<collision><geometry><sphere radius="{}"/></geometry></collision>'
@@ -190,14 +191,10 @@ def test_a_fast_motion_has_its_speed_and_its_turns(sled):
 def shown():
     model = Robot()
     still = StillRobot("g1", model.description)
-    show = Show(
-        FileWorld([still], None), ServerOptions(port=0), lambda _: model.checker()
-    )
-    thread = threading.Thread(target=show.run)
-    thread.start()
-    yield still, show
-    show.stop()
-    thread.join()
+    world = FileWorld([still], None)
+    show = Show(world, ServerOptions(port=0), lambda _: model.checker())
+    with running(show):
+        yield still, show
 
 
 @pytest.fixture

@@ -30,6 +30,8 @@ from g1_description.web.show import Show
 from g1_description.web.ui_loop import UiLoop
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
+from web_clients import running
+
 from page_client import PageClient
 
 BASE = np.array([0.0, 0.0, 0.7634, 0.0, 0.0, 0.0, 1.0])
@@ -362,33 +364,27 @@ def test_a_robot_without_such_links_has_no_gizmos():
 def test_a_browser_drags_a_hand(g1, robot):
     world = FileWorld([robot], None)
     show = Show(world, ServerOptions(port=0), lambda _: g1.checker())
-    thread = threading.Thread(target=show.run)
-    thread.start()
-    try:
-        with PageClient(show.address) as one:
-            one.wait_until_whole()
-            name = "/map/reach/g1/left_hand"
-            one.set("Gizmos", True)
-            where = places(g1, robot)
-            place, center = where[HAND], center_of(g1, where, HAND)
+    with running(show), PageClient(show.address) as one:
+        one.wait_until_whole()
+        name = "/map/reach/g1/left_hand"
+        one.set("Gizmos", True)
+        where = places(g1, robot)
+        place, center = where[HAND], center_of(g1, where, HAND)
 
-            def is_shown():
-                return np.allclose(one.nodes[name].get("position", 0.0), center)
+        def is_shown():
+            return np.allclose(one.nodes[name].get("position", 0.0), center)
 
-            one.wait_for(is_shown, "the gizmo on the hand")
-            goal = center + np.array([0.05, 0.05, 0.1])
-            turn = place[[6, 3, 4, 5]].tolist()
-            message = {"wxyz": tuple(turn), "position": tuple(goal.tolist())}
-            one.send("TransformControlsUpdateMessage", name=name, owner="", **message)
+        one.wait_for(is_shown, "the gizmo on the hand")
+        goal = center + np.array([0.05, 0.05, 0.1])
+        turn = place[[6, 3, 4, 5]].tolist()
+        message = {"wxyz": tuple(turn), "position": tuple(goal.tolist())}
+        one.send("TransformControlsUpdateMessage", name=name, owner="", **message)
 
-            def is_there():
-                now = center_of(g1, places(g1, robot), HAND)
-                return np.allclose(now, goal, atol=1e-3)
+        def is_there():
+            now = center_of(g1, places(g1, robot), HAND)
+            return np.allclose(now, goal, atol=1e-3)
 
-            wait_for(is_there, "the hand where it was dragged")
-    finally:
-        show.stop()
-        thread.join()
+        wait_for(is_there, "the hand where it was dragged")
 
 
 def test_there_is_no_balance_without_a_foot_that_stays(panel):
