@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import socket
 import subprocess
 import sys
@@ -12,8 +11,9 @@ from contextlib import contextmanager
 
 import numpy as np
 
+from .chromium import chromium
 from .graph import MeasurementError, free_port, wait_for
-from .html import FLAGS, MOTION, ROOT
+from .html import MOTION, ROOT
 
 SIZE = {"width": 1280, "height": 800}
 TABS = ("View", "Motion")
@@ -52,27 +52,18 @@ def browser(bench):
     a click on a tab while the motion plays, and pictures per second meanwhile, in a
     window of 1280x800.
     """
-    try:
-        from playwright.sync_api import sync_playwright
-    except ImportError as error:
-        bench.leave_out(f"the page in a browser: {error}")
-        return
-    with bench.attempt("the page in a browser"), sync_playwright() as driver:
+    with bench.attempt("the page in a browser"):
         for busy in (False, True):
-            with page_of_motion() as address, burners(os.cpu_count() * busy):
-                program = shutil.which("chromium") or shutil.which("google-chrome")
-                chromium = driver.chromium.launch(
-                    executable_path=program, args=[*FLAGS]
-                )
-                measure(bench, chromium, address, ", all cores busy" * busy)
-                chromium.close()
+            cores = os.cpu_count() * busy
+            with page_of_motion() as address, burners(cores), chromium() as opened:
+                measure(bench, opened, address, ", all cores busy" * busy)
 
 
-def measure(bench, chromium, address, when):
+def measure(bench, opened, address, when):
     """Open the page, play, and click on tabs."""
     first, clicks, frames = [], [], []
     for _ in range(bench.length(3, 1)):
-        page = chromium.new_page(viewport=SIZE)
+        page = opened.new_page(viewport=SIZE)
         page.set_default_timeout(1e3 * TIMEOUT)
         page.goto(address, wait_until="commit")
         shown = page.wait_for_function(HAS_ROBOT, polling=100)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -13,10 +12,11 @@ import numpy as np
 from g1_description.motion.motion import sample
 from g1_description.render.page import motion_page
 
+from .chromium import chromium
+
 ROOT = Path(__file__).resolve().parents[2]
 MOTION = ROOT / "motions" / "faulty.csv"
 SECONDS, RATE = 10.0, 50.0
-FLAGS = ("--no-sandbox", "--use-gl=swiftshader", "--enable-unsafe-swiftshader")
 FIRST = """() => new Promise((done) => requestAnimationFrame(() => setTimeout(() => {
   viewer.draw(1);
   viewer.scene.gl.readPixels(0, 0, 1, 1, 6408, 5121, new Uint8Array(4));
@@ -49,14 +49,7 @@ def html(bench):
     with bench.attempt("browser"), TemporaryDirectory(prefix="bench_") as place:
         file = Path(place, "page.html")
         file.write_text(text, encoding="utf-8")
-        try:
-            from playwright.sync_api import sync_playwright
-        except ImportError as error:
-            bench.leave_out(f"a browser: {error}")
-            return
-        with sync_playwright() as driver:
-            chromium = shutil.which("chromium") or shutil.which("google-chrome")
-            browser = driver.chromium.launch(executable_path=chromium, args=[*FLAGS])
+        with chromium() as browser:
             page = browser.new_page(viewport={"width": 1280, "height": 800})
             page.set_default_timeout(120_000)
             first = []
@@ -66,7 +59,6 @@ def html(bench):
                 first.append(page.evaluate(FIRST) / 1e3)
             bench.add("to the first picture, median", np.median(first), "s", "<= 3")
             bench.add("pictures while it plays", page.evaluate(FRAMES, 4000), "Hz")
-            browser.close()
 
 
 def _motion(robot):

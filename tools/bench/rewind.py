@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import random
 import re
-import shutil
 import subprocess
 import time
 from collections import deque
@@ -15,8 +14,9 @@ import numpy as np
 from sensor_msgs.msg import JointState
 
 from .browser import HAS_ROBOT, SIZE, TIMEOUT, is_open
+from .chromium import chromium
 from .graph import Graph, MeasurementError, free_port, wait_for
-from .html import FIRST, FLAGS, ROOT
+from .html import FIRST, ROOT
 from .peer import Peer, stamp_of
 from tcpros import body_of, packed
 
@@ -34,22 +34,15 @@ def rewind(bench):
     for 0.2 s of them. Nobody has recorded that; the page is opened afterwards, in
     Chromium that draws in software.
     """
-    try:
-        from playwright.sync_api import sync_playwright
-    except ImportError as error:
-        bench.leave_out(f"rewinding: {error}")
-        return
     seconds, port = bench.length(300.0, 30.0), free_port()
-    with bench.attempt("rewinding"), Graph() as graph, closing(Peer()) as peer:
+    with bench.attempt("rewinding"), chromium() as browser, Graph() as graph, closing(
+        Peer()
+    ) as peer:
         graph.launch(bench.model, "web:=true", f"port:={port}")
         graph.node("/link_states_bridge")
         wait_for(lambda: is_open(port), "the page")
         at = plan(peer, seconds)
-        with sync_playwright() as driver:
-            program = shutil.which("chromium") or shutil.which("google-chrome")
-            chromium = driver.chromium.launch(executable_path=program, args=[*FLAGS])
-            search(bench, graph, chromium, f"http://127.0.0.1:{port}/", seconds, at)
-            chromium.close()
+        search(bench, graph, browser, f"http://127.0.0.1:{port}/", seconds, at)
 
 
 def plan(peer, seconds):
@@ -73,7 +66,7 @@ def plan(peer, seconds):
     return at
 
 
-def search(bench, graph, chromium, address, seconds, at):
+def search(bench, graph, browser, address, seconds, at):
     """Find the fault, save it, check it, and open what is sent."""
     begin = time.monotonic()
 
@@ -82,7 +75,7 @@ def search(bench, graph, chromium, address, seconds, at):
         bench.add(name, time.monotonic() - begin, "s")
         begin = time.monotonic()
 
-    page = chromium.new_page(viewport=SIZE)
+    page = browser.new_page(viewport=SIZE)
     page.set_default_timeout(1e3 * TIMEOUT)
     page.goto(address, wait_until="commit")
     page.wait_for_function(HAS_ROBOT, polling=100)
