@@ -23,8 +23,8 @@ motion = robot.trajectory(
     [s.position for s in states],
     base=[[p.x, p.y, p.z, q.x, q.y, q.z, q.w] for p, q in bases],
 )
-robot.write_motion("/tmp/reach.csv", motion)
-# The same by the command: rosrun g1_description record reach.csv --seconds 5
+robot.write_motion("/tmp/my_reach.csv", motion)
+# The same by the command: rosrun g1_description record my_reach.csv --seconds 5
 
-again = robot.read_motion("/tmp/reach.csv")
+again = robot.read_motion("/tmp/my_reach.csv")
 print(f"{len(again.joint_names)} joints, base: {again.base is not None}")

@@ -49,7 +49,7 @@ def test_the_page_is_one_program(tmp_path):
     assert (run.returncode, run.stderr) == (0, "")
     assert "g1_29dof" in run.stdout
     assert "(1000, 3)" in run.stdout
-    assert (tmp_path / "wave.csv").exists()
+    assert (tmp_path / "my_wave.csv").exists()
 
 
 def test_the_page_names_every_public_method():

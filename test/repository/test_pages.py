@@ -5,6 +5,7 @@ import re
 import subprocess
 import xml.etree.ElementTree as ET
 from functools import lru_cache
+from pathlib import Path
 
 import pytest
 from forked import run_script
@@ -170,6 +171,42 @@ OF_USERS = re.compile(r"(\$PWD/|\$ROS_\w+/)?my_|/path/to/|~/|\$\(|package://")
 
 WRITES = {"--out", "-o", "--json", "--csv", "--html", "--write-selection", ">"}
 """A file follows that the command writes."""
+
+
+SHIPPED = {file.name for file in (ROOT / "motions").iterdir()}
+PYTHON_WRITES = re.compile(r"""write_\w+\(\s*["'](?:.*/)?([^"'/]+)["']""")
+
+
+def written_files(text):
+    """List the names of files that commands and Python of a text write."""
+    found = PYTHON_WRITES.findall(text)
+    for words in commands(text):
+        found += [
+            Path(word).name
+            for option, word in zip(["", *words], words)
+            if option in (*WRITES, "record") or words[1:2] == ["filter"]
+        ]
+    return found
+
+
+@pytest.mark.parametrize(
+    "file", [*PAGES, *(ROOT / "examples").rglob("*.py")], ids=lambda file: file.name
+)
+def test_nothing_is_written_over_the_name_of_a_shipped_motion(file):
+    """Such a file would be read in its place from then on."""
+    assert SHIPPED.isdisjoint(written_files(file.read_text(encoding="utf-8")))
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "rosrun g1_description record wave.csv",
+        "rosrun g1_description motion cut a.csv --out new/wave.csv",
+        """robot.write_motion("wave.csv", motion)""",
+    ],
+)
+def test_a_file_that_is_written_is_found(line):
+    assert "wave.csv" in written_files(f"```bash\n{line}\n```\n")
 
 
 def absent_inputs(text):

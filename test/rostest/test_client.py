@@ -308,4 +308,4 @@ class TestPage(unittest.TestCase):
         self.addCleanup(os.chdir, os.getcwd())
         os.chdir(folder.name)
         exec("\n".join(blocks), {"robot": ROBOT, "np": np})
-        self.assertTrue(os.path.exists("squat.csv"))
+        self.assertTrue(os.path.exists("my_squat.csv"))
