@@ -2,6 +2,8 @@
 
 import re
 import shlex
+import shutil
+from itertools import takewhile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -17,6 +19,18 @@ LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
 INLINE = re.compile(r"`([^`\n]+)`")
 HEADING = re.compile(r"^#+ (.+)$", flags=re.M)
 COMMAND = re.compile(r"(tools/|roslaunch |rosrun |rostest )")
+
+OF_FILES = ("docs/examples.md",)
+"""Pages whose Python is in files that other tests run."""
+
+WITHOUT_LIBRARY = ("docs/tutorials/moveit.md",)
+"""Pages whose Python needs a library that is not installed: its names are checked."""
+
+SEVERAL = ("docs/tutorials/first_planner.md",)
+"""Pages whose blocks are programs of their own; any other page is one program."""
+
+WITH_ROBOT = re.compile(r"^(import|from) .*\b(rospy|Client|Stream)\b", flags=re.M)
+"""Imports of blocks that need a running robot."""
 
 
 def prose(text):
@@ -60,6 +74,29 @@ def _resolves(page, link):
 def blocks(text, language):
     """List the blocks of code in a language."""
     return [block for name, block in FENCE.findall(text) if name == language]
+
+
+def programs(page, *, offline=False):
+    """List the programs of a page, except those of ``OF_FILES``.
+
+    Args:
+        page: Its path.
+        offline: Only the first blocks, as far as they need no robot.
+    """
+    name = str(page.relative_to(ROOT))
+    found = blocks(page.read_text(encoding="utf-8"), "python")
+    if offline:
+        found = [*takewhile(lambda block: not WITH_ROBOT.search(block), found)]
+    if name in OF_FILES or not found:
+        return []
+    return found if name in SEVERAL else ["\n".join(found)]
+
+
+def copy_motions(folder):
+    """Copy what commands and programs of the pages read from the working folder."""
+    shutil.copytree(ROOT / "motions", folder / "motions")
+    selection = folder / "motions" / "selection.yaml"  # as check --write-selection does
+    selection.write_text("faulty.csv: exclude\n", encoding="utf-8")
 
 
 def commands(text):

@@ -1,4 +1,7 @@
-"""The Python of docs/python.md does what the page says."""
+"""The Python of the pages runs as it is printed, and docs/python.md names all of it.
+
+What needs a robot runs in test/rostest/test_tutorials.py.
+"""
 
 import inspect
 import re
@@ -6,7 +9,7 @@ import subprocess
 import sys
 
 import pytest
-from pages import ROOT, blocks
+from pages import PAGES, ROOT, WITHOUT_LIBRARY, copy_motions, programs
 
 import g1_description
 from g1_description import Robot
@@ -15,7 +18,12 @@ TEXT = (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
 PARTS = re.split(r"^## ", TEXT, flags=re.M)
 STREAMS, EXPERIMENTS = PARTS[-2:]
 ROBOT = "".join(PARTS[:-2])
-"""What needs no ROS; the rest is run in test/rostest."""
+OFFLINE = {
+    page.name: program
+    for page in PAGES
+    for program in programs(page, offline=True)
+    if str(page.relative_to(ROOT)) not in WITHOUT_LIBRARY
+}
 
 
 def rows(text, name):
@@ -38,8 +46,9 @@ def unknown(kind, text):
     ]
 
 
-def test_the_page_is_one_program(tmp_path):
-    program = "\n".join(blocks(ROBOT, "python"))
+@pytest.mark.parametrize("program", OFFLINE.values(), ids=OFFLINE)
+def test_a_program_that_needs_no_robot_runs(program, tmp_path):
+    copy_motions(tmp_path)
     run = subprocess.run(
         [sys.executable, "-W", "error", "-c", program],
         cwd=tmp_path,
@@ -47,9 +56,21 @@ def test_the_page_is_one_program(tmp_path):
         text=True,
     )
     assert (run.returncode, run.stderr) == (0, "")
-    assert "g1_29dof" in run.stdout
-    assert "(1000, 3)" in run.stdout
-    assert (tmp_path / "my_wave.csv").exists()
+
+
+@pytest.mark.parametrize("page", WITHOUT_LIBRARY)
+def test_a_program_whose_library_is_missing_has_no_undefined_name(page):
+    pytest.importorskip("ruff", reason="ruff is not installed")
+    found = programs(ROOT / page)
+    assert found
+    for program in found:
+        run = subprocess.run(
+            [sys.executable, "-m", "ruff", "check", "--select", "E9,F821", "-"],
+            input=program,
+            capture_output=True,
+            text=True,
+        )
+        assert run.returncode == 0, run.stdout
 
 
 def test_the_page_names_every_public_method():

@@ -1,7 +1,6 @@
 """g1_description.Client: what it sets and reads, to the last bit."""
 
 import os
-import re
 import tempfile
 import time
 import unittest
@@ -12,7 +11,7 @@ import rospy
 from gazebo_msgs.msg import LinkStates
 from gazebo_msgs.srv import GetPhysicsProperties, SetPhysicsProperties
 from std_srvs.srv import Empty
-from support.ros_testing import DEADLINE, REPOSITORY, Connected
+from support.ros_testing import DEADLINE, Connected
 
 from g1_description import Client, Robot
 from g1_description.errors import G1DescriptionError
@@ -295,17 +294,3 @@ class TestAbsent(unittest.TestCase):
         except G1DescriptionError as error:
             kept = error  # and with it all that was made
         self.assertEqual(sockets() - before, set(), kept)
-
-
-class TestPage(unittest.TestCase):
-    def test_the_experiment_of_the_page_works(self):
-        text = (REPOSITORY / "docs" / "python.md").read_text(encoding="utf-8")
-        section = text.split("\n## Experiments")[1].split("\n## ")[0]
-        blocks = re.findall(r"^```python\n(.*?)^```$", section, flags=re.M | re.S)
-        self.assertGreater(len(blocks), 1)
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.addCleanup(os.chdir, os.getcwd())
-        os.chdir(folder.name)
-        exec("\n".join(blocks), {"robot": ROBOT, "np": np})
-        self.assertTrue(os.path.exists("my_squat.csv"))

@@ -1,7 +1,6 @@
 """g1_description.Stream, and the messages that Robot makes, on a robot that runs."""
 
 import os
-import re
 import signal
 import subprocess
 import sys
@@ -17,7 +16,6 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
 from support.ros_testing import (
     DEADLINE,
-    REPOSITORY,
     Connected,
     Listener,
     program,
@@ -187,15 +185,3 @@ class TestStream(unittest.TestCase):
         )
         names = ["g1_29dof", "g1_29dof", "g1_23dof"]
         self.assertEqual(run.stdout.split(), names, run.stderr)
-
-    def test_the_page_is_a_program(self):
-        text = (REPOSITORY / "docs" / "python.md").read_text(encoding="utf-8")
-        part = next(p for p in re.split(r"^## ", text, flags=re.M) if "Stream(" in p)
-        program = "\n".join(re.findall(r"^```python\n(.*?)^```", part, re.M | re.S))
-        self.states.clear()
-        subprocess.run([sys.executable, "-c", program], check=True, timeout=DEADLINE)
-        squat = ROBOT.read_motion("squat.csv")
-        down = [is_down(state, squat) for state in self.states.messages]
-        self.assertEqual(np.diff(np.flatnonzero(np.diff(down))).size, 3)  # twice down
-        elbow = self.states.messages[0].name.index("left_elbow_joint")
-        self.assertIn(1.2, [round(m.position[elbow], 9) for m in self.states.messages])
