@@ -1,5 +1,6 @@
 """The MoveIt configuration: read as MoveIt, Pinocchio and roslaunch would."""
 
+import re
 from itertools import chain as joined
 from itertools import combinations
 
@@ -10,7 +11,7 @@ from lxml import etree
 
 pytest.importorskip("rospy", reason="rospy is not installed")
 
-from pages import ROOT
+from pages import ROOT, programs
 from roslaunch.config import ROSLaunchConfig
 from roslaunch.xmlloader import XmlLoader
 
@@ -64,6 +65,17 @@ def test_groups_are_chains_of_the_limbs(srdf):
     assert sorted(all_joints) == sorted(robot.joint_names)
     whole = srdf.find("group[@name='whole_body']").findall("joint")
     assert [joint.get("name") for joint in whole] == [*robot.joint_names]
+
+
+def test_the_program_of_the_page_raises_the_arm_that_it_plans_for(srdf):
+    (program,) = programs(ROOT / "docs" / "tutorials" / "moveit.md")
+    group = re.search(r'MoveGroupCommander\("(\w+)"\)', program)[1]
+    pose = re.search(r'set_named_target\("(\w+)"\)', program)[1]
+    assert srdf.find(f"group_state[@name='{pose}'][@group='{group}']") is not None
+    hand = srdf.find(f"end_effector[@parent_group='{group}']").get("parent_link")
+    robot = Robot()
+    places = robot.link_poses(robot.pose(pose))
+    assert places[hand][2] > places["head_link"][2]
 
 
 def test_end_effectors_share_no_link_with_their_arm(srdf):
