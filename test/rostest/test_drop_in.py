@@ -21,12 +21,14 @@ import rospy
 import tf2_ros
 from gazebo_msgs.msg import ModelStates
 from gazebo_msgs.srv import GetJointProperties, GetModelState, GetWorldProperties
+from pages import blocks
 from rosgraph_msgs.msg import Clock
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
 from support.ros_testing import (
     DEADLINE,
+    REPOSITORY,
     SHARED,
     Listener,
     Repeated,
@@ -210,6 +212,15 @@ class TestDropIn(unittest.TestCase):
         self.launch(self.copy(NODE))
         self.check_that_it_runs(0.79)
         self.assertEqual(len(self.states.wait().effort), 29)
+        self.check_that_it_ends()
+
+    def test_the_launch_file_of_the_tutorial(self):
+        page = REPOSITORY / "docs" / "tutorials" / "from_gazebo.md"
+        (text,) = blocks(page.read_text(encoding="utf-8"), "xml")
+        file = self.folder / "my_gazebo.launch"
+        file.write_text(text)
+        self.launch(file)
+        self.check_that_it_runs(0.793)
         self.check_that_it_ends()
 
     def test_our_display_with_gazebo_ros_whose_robot_comes_back_with_it(self):
