@@ -403,8 +403,8 @@ class Robot:
             base: Pose of the base link.
 
         Returns:
-            Efforts of the joints in [N m] or [N] under gravity along -z, shape
-            (..., n_joints).
+            Efforts of the joints in [N m] or [N] under gravity of 9.8 m/s^2 along -z,
+            shape (..., n_joints).
 
         Raises:
             DescriptionError: If the robot has no masses.

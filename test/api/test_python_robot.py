@@ -37,7 +37,9 @@ def pinocchio():
 @pytest.fixture(scope="module")
 def oracle(pinocchio):
     """Give Pinocchio's G1, with its root fixed."""
-    return pinocchio.buildModelFromUrdf(str(ROOT / "urdf" / "g1_29dof.urdf"))
+    model = pinocchio.buildModelFromUrdf(str(ROOT / "urdf" / "g1_29dof.urdf"))
+    model.gravity.linear = np.array([0.0, 0.0, -9.8])  # as Gazebo
+    return model
 
 
 def refused(function, *args, **kwargs):

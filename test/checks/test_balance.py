@@ -71,11 +71,11 @@ def test_nothing_is_said_where_nothing_bears():
 def test_the_zero_moment_point_of_a_point_mass():
     """X - z ax / (az + g), the cart-table model, above a floor of any height."""
     mass, place, acceleration = 3.0, np.array([0.4, -0.2, 0.9]), [1.0, -2.0, 0.5]
-    force = mass * np.add(acceleration, [0.0, 0.0, 9.81])
+    force = mass * np.add(acceleration, [0.0, 0.0, 9.8])
     wrench = np.concatenate([force, np.cross(place, force)])
     dynamics = Dynamics(np.zeros(0), wrench, place, np.zeros((0, 7)))
-    found = zero_moment_points(dynamics, mass * 9.81, floor=0.1)
-    lever = 0.8 / (0.5 + 9.81)
+    found = zero_moment_points(dynamics, mass * 9.8, floor=0.1)
+    lever = 0.8 / (0.5 + 9.8)
     np.testing.assert_allclose(found, [0.4 - lever, -0.2 + 2.0 * lever], atol=1e-12)
     wrench[2] = 0.01
-    assert np.isnan(zero_moment_points(dynamics, mass * 9.81, 0.0)).all()
+    assert np.isnan(zero_moment_points(dynamics, mass * 9.8, 0.0)).all()

@@ -234,7 +234,7 @@ def test_a_jump_in_the_air_is_no_floating():
     flight = np.clip(TIMES - 1.0, 0.0, 0.6)
     found = motion(standing(), base)
     base = found.base_poses.copy()
-    base[:, 2] += 9.81 / 2 * flight * (0.6 - flight)
+    base[:, 2] += 9.8 / 2 * flight * (0.6 - flight)
     verdict = check(motion(standing(), base, lift=False), only=["floating"])
     assert verdict.findings == ()
     base[:, 2] = found.base_poses[:, 2] + 2.0 * flight * (0.6 - flight)
@@ -461,6 +461,7 @@ def test_efforts_of_a_held_robot_are_pinocchios():
     checker = Checker(ROBOT, None, True, COLLISIONS)
     verdict = checker.check(found, ["effort"])
     model = pinocchio.buildModelFromUrdf(str(MODEL))
+    model.gravity.linear = np.array([0.0, 0.0, -9.8])
     data, window = model.createData(), Thresholds().window
     share = 0.0
     for now in TIMES:

@@ -67,7 +67,7 @@ def test_energy_is_what_is_lifted(post):
     height = 0.4 * np.sin(np.pi * np.clip((times - 3.0) / 4.0, 0.0, 1.0)) ** 2
     ways = np.stack([0.0 * times + 7.0, 0.0 * times, height], axis=1)
     figures = post.check(moved(times, ways)).figures
-    assert figures["energy"] == pytest.approx(MASS * 9.81 * 0.4, rel=0.01)
+    assert figures["energy"] == pytest.approx(MASS * 9.8 * 0.4, rel=0.01)
     assert figures["root_path"] == pytest.approx(0.8, rel=1e-3)
     assert figures["contact_share"] == pytest.approx(0.6, abs=0.1)
 
@@ -82,7 +82,7 @@ def test_energy_of_a_turning_robot(post):
     motion.base_poses[:, 6] = np.cos(angle / 2.0)
     speed = 8.0 * 30.0 * (s * (1.0 - s)) ** 2 / 4.0
     inertia, arm = 0.11 + 0.5 * 0.15**2, 0.5 * 0.15
-    energy = 0.5 * inertia * speed**2 + 9.81 * arm * np.cos(angle)
+    energy = 0.5 * inertia * speed**2 + 9.8 * arm * np.cos(angle)
     gained = np.maximum(np.diff(energy), 0.0).sum()
     figures = post.check(motion).figures
     assert figures["energy"] == pytest.approx(gained, rel=0.02)

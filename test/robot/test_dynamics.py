@@ -33,7 +33,7 @@ class Oracle:
         free = pinocchio.JointModelFreeFlyer()
         self.model = pinocchio.buildModelFromXML(text, free)
         self.data = self.model.createData()
-        self.model.gravity.linear = np.array([0.0, 0.0, -9.81])
+        self.model.gravity.linear = np.array([0.0, 0.0, -9.8])
         names = [*self.model.names][2:]
         own = [joint.name for joint in parse_urdf(text).movable_joints]
         self.order = [own.index(name) for name in names]

@@ -23,7 +23,7 @@ from g1_description.robot.profile import is_name
 from g1_description.ros.master import SLAVE_API_ERRORS, slave_api_of
 from g1_description.ros.parameters import private_parameters
 from g1_description.sdf.world import EMPTY_WORLD, Sdf, read_sdf
-from g1_description.sim.engine import GRAVITY
+from g1_description.sim.engine import GRAVITY_AXES
 from g1_description.sim.world import World
 from g1_description.text import listed
 
@@ -120,7 +120,7 @@ def _physics(
     content: Sdf, parameters: GazeboParameters
 ) -> tuple[dict[str, float], list[str]]:
     """Collect the physics of a world file that is not overridden by parameters."""
-    given = {**content.physics, **dict(zip(GRAVITY, content.gravity or ()))}
+    given = {**content.physics, **dict(zip(GRAVITY_AXES, content.gravity or ()))}
     found, notes = {}, []
     for name, value in given.items():
         initial = getattr(parameters.properties, name)

@@ -16,8 +16,8 @@ from g1_description.robot.description import Description
 from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.rotation import cross, rotate, to_axes
 
-GRAVITY = 9.81
-"""In [m/s^2], as in Pinocchio; Gazebo's default world has 9.8."""
+GRAVITY = 9.8
+"""In [m/s^2], of Gazebo's default world; the simulator's default, too."""
 
 
 class Masses:

@@ -20,6 +20,7 @@ from g1_description.errors import (
     cause,
 )
 from g1_description.motion.motors import Motors, motors_of
+from g1_description.robot.dynamics import GRAVITY
 from g1_description.robot.launch_arguments import ENGINES, PHYSICS
 from g1_description.sim.drives import MAX_EFFORT, Drives, PdCommand
 from g1_description.sim.model import Model
@@ -29,7 +30,7 @@ from g1_description.text import listed
 MAX_TIME_STEP = 10.0
 """Longest time step in [s]: the limit of Gazebo's dynamic_reconfigure."""
 
-GRAVITY = ("gravity_x", "gravity_y", "gravity_z")
+GRAVITY_AXES = ("gravity_x", "gravity_y", "gravity_z")
 """Names of the components of gravity."""
 
 FAILURE = (
@@ -59,7 +60,7 @@ class PhysicsProperties:
     """Gravity along the world's axes, in [m/s^2]."""
 
     gravity_y: float = 0.0
-    gravity_z: float = -9.8
+    gravity_z: float = -GRAVITY
 
     auto_disable_bodies: bool = False
     """Stored and returned without effect."""
@@ -123,7 +124,7 @@ class PhysicsProperties:
 
 _RANGES = {
     "time_step": (0.0, MAX_TIME_STEP),
-    **dict.fromkeys(GRAVITY, (-MAX_VALUE, MAX_VALUE)),
+    **dict.fromkeys(GRAVITY_AXES, (-MAX_VALUE, MAX_VALUE)),
     "sor_pgs_rms_error_tol": (-1.0, MAX_VALUE),
     **dict.fromkeys(_WHOLE_NUMBERS, (0, 2**32 - 1)),
     "sor_pgs_iters": (0, 1000),

@@ -30,7 +30,7 @@ from g1_description.gazebo.services.base import (
     found,
 )
 from g1_description.ros.conversions import vector_to_array
-from g1_description.sim.engine import GRAVITY, PhysicsProperties
+from g1_description.sim.engine import GRAVITY_AXES, PhysicsProperties
 from g1_description.srv import SetRealTimeFactor
 
 UNSETTABLE = ("auto_disable_bodies", "sor_pgs_rms_error_tol")
@@ -66,7 +66,7 @@ def set_physics(simulation: Simulation, request):
     numbers = {
         "time_step": request.time_step,
         "max_update_rate": request.max_update_rate,
-        **dict(zip(GRAVITY, gravity)),
+        **dict(zip(GRAVITY_AXES, gravity)),
         **{name: getattr(request.ode_config, name) for name in ODE},
     }
     change_physics(simulation, numbers)
