@@ -34,7 +34,7 @@ from g1_description.web.show import Show, tell_address
 
 @dataclass(frozen=True)
 class WebOptions:
-    """Show a robot and its motions in a browser, without ROS.
+    """Show a robot and its motions in a browser, without a ROS master.
 
     Move it, play files, see findings. Ctrl-C ends it. For a running robot, use
     roslaunch g1_description display.launch web:=true.
