@@ -72,9 +72,8 @@ NO_WRENCHES = struct.pack("<I", 0)
 COMPARISONS = {"<": operator.lt, "<=": operator.le, ">=": operator.ge}
 CAUTION = (
     "Times of virtual machines differ by up to three between hours, and grow when the "
-    "machine does other work; ratios of one run tell more."
+    "machine does other work: compare ratios within one run."
 )
-
 
 BUSY = (
     "**The machine was busy with other work while this was measured:** times are far "
@@ -666,7 +665,7 @@ def squat(robot):
 def checks(bench):
     """How many samples of a motion, and how many single configurations, are checked.
 
-    Clips of 30 s at 60 Hz are made up: the robot stands, and its arms and legs swing.
+    Clips of 30 s at 60 Hz are synthetic: the robot stands, and its arms swing.
     Samples per second are those of one core, all checks made. `check_state` is called
     one call after the other: `Robot.check_state`, and the service of a checker alone.
     """
@@ -677,7 +676,7 @@ def checks(bench):
     for motion in clips:
         robot.check(motion)
     rate = sum(len(motion.times) for motion in clips) / (time.process_time() - begin)
-    bench.add("check, samples of a motion", rate, "1/s", "", "-")
+    bench.add("check, samples of a synthetic motion", rate, "1/s", "", "-")
     drawn = robot.neutral + 0.1 * robot.random_configuration(1, size=200)
     drawn = np.clip(drawn, robot.lower, robot.upper)
     base, count = [0.0, 0.0, 0.793, 0.0, 0.0, 0.0, 1.0], bench.length(1000, 200)
@@ -866,7 +865,7 @@ def write_page(bench, file):
     """Write all as Markdown, the figures that users care about first."""
     lines = ["# Performance", "", f"<!-- {bench.command} writes this page. -->", ""]
     first = [figure for figure in bench.figures if figure.beside]
-    titles = ("figure", "measured", "promised", "Gazebo, or the original client")
+    titles = ("figure", "measured", "Gazebo, or the original client")
     lines += table(titles, [(*cells(f), f.beside) for f in first])
     lines += ["", "| | |", "| --- | --- |"]
     lines += [f"| {name} | {fact} |" for name, fact in facts(bench).items()]
@@ -879,7 +878,7 @@ def write_page(bench, file):
         own = [cells(figure) for figure in bench.figures if figure.part == name]
         if own:
             lines += ["", f"## {name}", "", inspect.getdoc(part), ""]
-            lines += table(titles[:3], own)
+            lines += table(titles[:2], own)
     if bench.left_out:
         lines += ["", "## Not measured", ""]
         lines += [f"- {text}" for text in bench.left_out]
@@ -888,7 +887,8 @@ def write_page(bench, file):
 
 def cells(figure):
     """Give the cells of a figure's row."""
-    return figure.name, figure.words, figure.promise
+    promise = f" (promised: {figure.promise})" if figure.promise else ""
+    return figure.name, f"{figure.words}{promise}"
 
 
 def table(titles, rows):
