@@ -77,6 +77,12 @@ def test_the_page_lists_every_launch_argument(file, title):
     assert sorted(names) == sorted(launch_arguments(LAUNCH / f"{file}.launch"))
 
 
+def test_the_page_lists_the_arguments_of_two_robots():
+    text = section("launch.md", "Two robots").split("The arguments are")[1]
+    names = re.findall(r"`(\w+)`", text)
+    assert sorted(names) == sorted(launch_arguments(LAUNCH / "two_robots.launch"))
+
+
 def test_every_launch_argument_has_a_meaning_and_a_default():
     for path in LAUNCH.glob("*.launch"):
         for name, arg in launch_arguments(path).items():
