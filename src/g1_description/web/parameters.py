@@ -28,10 +28,10 @@ class WebParameters:
     read it."""
 
     read_only: bool = False
-    """Show, and take nothing from browsers."""
+    """Display only; ignore input from browsers."""
 
     controls: bool = True
-    """Whether there is a bridge that robots can be moved through."""
+    """Enable the controls, which need a bridge."""
 
     gazebo: str = "/gazebo"
     """Namespace of the simulator; empty: there is none."""
