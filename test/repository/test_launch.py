@@ -21,6 +21,7 @@ roslaunch = pytest.importorskip("roslaunch.config", reason="ROS is not there")
 loaders = pytest.importorskip("roslaunch.xmlloader")
 
 from g1_description.errors import InvalidValueError  # noqa: E402
+from g1_description.files import model_files  # noqa: E402
 from g1_description.gazebo.programs import launched_robot  # noqa: E402
 from g1_description.robot.launch_arguments import (  # noqa: E402
     CHOICES,
@@ -90,7 +91,44 @@ def parameters(config):
     return {name: parameter.value for name, parameter in config.params.items()}
 
 
+@pytest.fixture
+def install(tmp_path, monkeypatch):
+    """Give what installs gazebo_ros: the real one, or this package's own."""
+    own = tmp_path / "gazebo_ros"
+    shutil.copytree(REPOSITORY / "interfaces" / "gazebo_ros", own)
+    path = os.pathsep.join([str(tmp_path), os.environ["ROS_PACKAGE_PATH"]])
+    monkeypatch.setenv("ROS_PACKAGE_PATH", path)
+
+    def put(is_real):
+        manifest = own / "package.xml"
+        needs = "<exec_depend>{}</exec_depend>".format
+        if is_real:
+            text = manifest.read_text()
+            manifest.write_text(text.replace(needs("g1_description"), needs("gazebo")))
+        model_files._packages.cache_clear()
+
+    yield put
+    model_files._packages.cache_clear()
+
+
+@pytest.fixture
+def real_gazebo(install):
+    install(is_real=True)
+
+
+def test_the_stand_in_does_not_start_in_place_of_a_gazebo_that_is_missing(
+    launch, install
+):
+    install(is_real=False)
+    for file in ("display", "two_robots"):
+        told = refusal(launch, "sim:=gazebo", file=file)
+        assert told.startswith("sim:=gazebo needs the real Gazebo, ")
+    install(is_real=True)
+    assert "/spawn_urdf" in nodes(launch("sim:=gazebo"))
+
+
 @pytest.mark.parametrize("sim", ["standin", "gazebo"])
+@pytest.mark.usefixtures("real_gazebo")
 def test_what_an_earlier_launch_left_on_the_master_is_cleared(launch, sim):
     """Else a robot, its physics and a pause would come back in the next world."""
     assert "/gazebo/" in launch(f"sim:={sim}").clear_params
@@ -104,6 +142,7 @@ def test_the_stand_in_is_the_default_and_rviz_needs_a_screen(launch):
     assert "/interactive" in nodes(launch("interactive:=true"))
 
 
+@pytest.mark.usefixtures("real_gazebo")
 def test_gazebo_is_started_with_its_own_spawn_model(launch):
     assert set(nodes(launch("sim:=gazebo", "rviz:=false"))) == {
         "/gazebo",
@@ -113,6 +152,7 @@ def test_gazebo_is_started_with_its_own_spawn_model(launch):
     }
 
 
+@pytest.mark.usefixtures("real_gazebo")
 def test_arguments_reach_gazebo(launch):
     wanted = ("sim:=gazebo", "gui:=true", "robot_name:=7", "use_sim_time:=false")
     config = launch(*wanted)
@@ -121,6 +161,7 @@ def test_arguments_reach_gazebo(launch):
     assert parameters(config)["/use_sim_time"] is False
 
 
+@pytest.mark.usefixtures("real_gazebo")
 @pytest.mark.parametrize(
     ("sim", "node"), [("standin", "gazebo"), ("gazebo", "spawn_urdf")]
 )
@@ -427,6 +468,7 @@ def test_a_model_may_be_a_xacro_file_of_a_package_with_arguments(tmp_path):
     assert '<link name=\\"torso\\"' in run.stdout
 
 
+@pytest.mark.usefixtures("real_gazebo")
 def test_two_robots_have_one_simulator_and_one_bridge(launch):
     alike = {"/spawn_right", "/link_states_bridge"}
     alike |= {f"/{side}/robot_state_publisher" for side in ("left", "right")}

@@ -223,10 +223,24 @@ class TestDropIn(unittest.TestCase):
         self.check_that_it_runs(0.793)
         self.check_that_it_ends()
 
-    def test_our_display_with_gazebo_ros_whose_robot_comes_back_with_it(self):
-        """At the place and in the pose of the launch file, if that was asked."""
+    def launch_gazebo(self, empty_world, *arguments):
+        """Launch our display with gazebo_ros, of which this is the launch file."""
+        package = self.folder / "gazebo_ros"
+        (package / "launch").mkdir(parents=True)
+        (package / "package.xml").write_text(GAZEBO_ROS)
+        (package / "launch" / "empty_world.launch").write_text(empty_world)
+        shutil.copy(CLOCK, package)
         self.launch(
             *("g1_description", "display.launch", "sim:=gazebo", "rviz:=false"),
+            *arguments,
+            ROS_PACKAGE_PATH=f"{self.folder}:{os.environ['ROS_PACKAGE_PATH']}",
+        )
+
+    def test_our_display_with_gazebo_ros_whose_robot_comes_back_with_it(self):
+        """At the place and in the pose of the launch file, if that was asked."""
+        own = REPOSITORY / "interfaces" / "gazebo_ros" / "launch" / "empty_world.launch"
+        self.launch_gazebo(
+            own.read_text(),
             *("respawn_gazebo:=true", "gui:=false", "paused:=true"),
             *("x:=1", "Y:=0.5", "initial_pose:=stand"),
         )
@@ -258,17 +272,9 @@ class TestDropIn(unittest.TestCase):
 
     def test_a_clock_like_gazebos_goes_on_after_a_reset(self):
         """Even where a display of the stand-in has left its rate behind."""
-        package = self.folder / "gazebo_ros"
-        (package / "launch").mkdir(parents=True)
-        (package / "package.xml").write_text(GAZEBO_ROS)
-        (package / "launch" / "empty_world.launch").write_text(EMPTY_WORLD)
-        shutil.copy(CLOCK, package)
         rospy.set_param("/gazebo/pub_clock_frequency", 200.0)
         self.addCleanup(rospy.delete_param, "/gazebo/pub_clock_frequency")
-        self.launch(
-            *("g1_description", "display.launch", "sim:=gazebo", "rviz:=false"),
-            ROS_PACKAGE_PATH=f"{self.folder}:{os.environ['ROS_PACKAGE_PATH']}",
-        )
+        self.launch_gazebo(EMPTY_WORLD)
         self.wait_for_simulated(1.0)
         states, clock = self.states.messages[-100:], Listener("/clock", Clock)
         self.addCleanup(clock.close)

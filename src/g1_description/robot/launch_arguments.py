@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 
 from g1_description.bounds import MAX_PORT
 from g1_description.errors import InvalidValueError, UnknownNameError
-from g1_description.files.model_files import PACKAGE, share_folder
+from g1_description.files.model_files import PACKAGE, find_folder, share_folder
 from g1_description.robot.description import Description
 from g1_description.robot.profile import FILE, is_name
 from g1_description.text import listed, similar_first
@@ -83,6 +83,8 @@ def check_arguments(given: Mapping[str, str]) -> None:
     _check_profile(given.get("robot", ""))
     _check_port(given.get("port", "0"))
     _check_base(given.get("base", ""))
+    if given.get("sim") == "gazebo":
+        _check_gazebo()
 
 
 def check_trails(
@@ -105,6 +107,20 @@ def check_trails(
         raise UnknownNameError(
             f"Unknown link {listed(unknown)} in {name}. Known links: {near}."
         )
+
+
+def _check_gazebo() -> None:
+    """Check that the real Gazebo is installed, not this package's gazebo_ros alone."""
+    folder = find_folder("gazebo_ros")
+    if folder is not None:
+        manifest = Path(folder, "package.xml").read_text("utf-8", "replace")
+        if f"<exec_depend>{PACKAGE}<" not in manifest:
+            return
+    raise UnknownNameError(
+        "sim:=gazebo needs the real Gazebo, whose package gazebo_ros is missing; "
+        "install ros-noetic-gazebo-ros and build the workspace again, or use "
+        "sim:=standin."
+    )
 
 
 def _check_profile(text: str) -> None:
