@@ -1,12 +1,18 @@
 """Models and media are found where Gazebo with gazebo_ros finds them."""
 
+from pathlib import Path
+from xml.etree import ElementTree
+
 import pytest
+from conftest import REPOSITORY
 
 pytest.importorskip("rospkg", reason="rospkg is not installed")
 
 from g1_description.files import model_files
 from g1_description.files.uris import local_path
+from g1_description.gazebo.programs import gzclient, gzserver
 from g1_description.gazebo.programs.gzserver import find_world
+from g1_description.robot.load import read_model
 
 PACKAGE = """<package format="2"><name>{}</name><version>0.0.0</version>
 <description>d</description><maintainer email="a@b.c">m</maintainer>
@@ -52,6 +58,19 @@ def test_models_are_found_where_packages_export_them(package, tmp_path):
         assert model_files.find_folder(model) == str(file.parent)
         assert model_files.find_model(f"model://{model}") == f"<sdf>{model}</sdf>"
     assert model_files.find_folder("d") is None
+
+
+def test_files_of_this_package_are_its_own_where_ros_finds_another_of_its_name(
+    package, capsys
+):
+    foreign = package("g1_description", "")
+    assert model_files.find_folder("g1_description") == str(foreign)
+    assert read_model("g1_29dof").path.samefile(REPOSITORY / "urdf" / "g1_29dof.urdf")
+    assert Path(gzclient.rviz()[-1]).samefile(REPOSITORY / "rviz" / "g1.rviz")
+    with pytest.raises(SystemExit):
+        gzserver.parse(["--version"])
+    version = ElementTree.parse(REPOSITORY / "package.xml").findtext("version")
+    assert f"g1_description {version}, " in capsys.readouterr().out
 
 
 def test_the_environment_goes_before_packages_and_these_before_home(

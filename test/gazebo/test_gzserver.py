@@ -104,7 +104,6 @@ def test_the_client_takes_gzclients_arguments():
 
 
 def test_the_client_opens_rviz_with_the_robot():
-    pytest.importorskip("rospkg")
     program, option, file = gzclient.rviz()
     assert (program, option) == ("rviz", "-d")
     assert file.endswith("/rviz/g1.rviz")

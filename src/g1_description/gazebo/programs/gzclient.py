@@ -6,10 +6,10 @@ import os
 import subprocess
 import sys
 
-import rospkg
 import rospy
 
 from g1_description.command_line import Ignored, OneSentenceParser
+from g1_description.files.model_files import share_folder
 from g1_description.ros.lifecycle import at_shutdown, own_arguments, start_node
 
 NODE = "gazebo_gui"
@@ -29,8 +29,7 @@ def parser() -> OneSentenceParser:
 
 def rviz() -> list[str]:
     """Return the command that opens RViz with the robot."""
-    folder = rospkg.RosPack().get_path("g1_description")
-    return ["rviz", "-d", os.path.join(folder, "rviz", "g1.rviz")]
+    return ["rviz", "-d", str(share_folder() / "rviz" / "g1.rviz")]
 
 
 def has_screen() -> bool:

@@ -6,12 +6,16 @@ import argparse
 import logging
 import os
 from pathlib import Path
+from xml.etree import ElementTree
 
-import rospkg
 import rospy
 
 from g1_description.command_line import Ignored, OneSentenceParser
-from g1_description.files.model_files import RESOURCE_PATH, resource_folders
+from g1_description.files.model_files import (
+    RESOURCE_PATH,
+    resource_folders,
+    share_folder,
+)
 from g1_description.gazebo.programs import gzclient
 from g1_description.robot.launch_arguments import ENGINES
 from g1_description.ros.lifecycle import own_arguments
@@ -81,8 +85,9 @@ def parser() -> OneSentenceParser:
 
 def _version() -> str:
     """Return the version of the package, as --version prints it."""
-    manifest = rospkg.RosPack().get_manifest("g1_description")
-    return f"g1_description {manifest.version}, a stand-in for Gazebo 11"
+    manifest = ElementTree.parse(share_folder() / "package.xml")
+    version = manifest.findtext("version")
+    return f"g1_description {version}, a stand-in for Gazebo 11"
 
 
 def find_world(name: str) -> str:
