@@ -7,6 +7,7 @@ import json
 import os
 import signal
 import subprocess
+from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from unittest import mock
 
@@ -15,7 +16,11 @@ import rosgraph
 import rosnode
 import rospy
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
-from gazebo_msgs.srv import GetModelState
+from gazebo_msgs.srv import (
+    GetModelState,
+    GetPhysicsProperties,
+    GetPhysicsPropertiesResponse,
+)
 from geometry_msgs.msg import Pose, TransformStamped
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -36,7 +41,7 @@ from support.ros_testing import (
 from support.wire.services import Services
 from tf2_msgs.msg import TFMessage
 
-from g1_description.cli.doctor import System, check_nodes, check_simulator
+from g1_description.cli.doctor import System, call, check_nodes, check_simulator
 
 DESCRIPTION = "/robot_description"
 
@@ -260,6 +265,16 @@ def test_two_bridges(patient):
 
 
 # --- parts that are missing ---------------------------------------------------------
+
+
+def test_a_service_that_a_simulator_still_has_to_offer_is_waited_for(patient):
+    name, answer = "/starting/get_physics_properties", GetPhysicsPropertiesResponse()
+    with ThreadPoolExecutor() as pool:
+        asked = pool.submit(call, name, GetPhysicsProperties)
+        wait([asked], 1.0)
+        late = rospy.Service(name, GetPhysicsProperties, lambda request: answer)
+        assert asked.result(DEADLINE) == answer
+        late.shutdown()
 
 
 def test_time_is_paused(patient):

@@ -321,8 +321,14 @@ def call(service: str, kind: Any) -> Any:
     import rospy
 
     _start_node()
+    proxy = rospy.ServiceProxy(service, kind)
+
+    def answer() -> Any:
+        proxy.wait_for_service(WAIT)
+        return proxy()
+
     try:
-        return within(WAIT, rospy.ServiceProxy(service, kind))
+        return within(WAIT, answer)
     except (rospy.ServiceException, rospy.ROSException) as error:
         raise OSError(str(error)) from None
 
