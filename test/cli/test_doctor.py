@@ -388,10 +388,10 @@ def test_diagnostics_that_are_a_fault():
 
 def test_meshes_that_are_missing():
     def fix(*lost):
-        return doctor.meshes_fix(lost, "/here")
+        return doctor.meshes_fix(lost, "/here", "display")
 
     assert fix("file:///here/meshes/a.stl") == "git -C /here checkout -- meshes"
-    assert "model:=FILE" in fix("file:///there/a.stl", "file:///here/a.stl")
+    assert "display model:=FILE" in fix("file:///there/a.stl", "file:///here/a.stl")
     assert "workspace with robots" in fix("package://robots/a.stl")
 
 
@@ -514,6 +514,7 @@ def whole_system():
         subscribers={"/tf_joint_states": [RSP]},
         services={
             "/gazebo/set_model_configuration": [SIM],
+            "/gazebo/step": [SIM],
             "/rviz/reload_shaders": ["/rviz"],
         },
         parameters={
@@ -547,6 +548,12 @@ def whole_system():
         ],
         screen=":0",
     )
+
+
+def of_gazebo(system):
+    """Make the simulator the real Gazebo, which sim:=gazebo has started."""
+    del system.services["/gazebo/step"]
+    system.parameters["/gazebo/sim"] = "gazebo"
 
 
 def of_bag(system):
@@ -633,6 +640,19 @@ CHANGES = {
         "answers", "/gazebo/get_physics_properties", SimpleNamespace(pause=True)
     ),
     "a silent clock": change("heard", "/clock"),
+    "a silent clock of Gazebo": lambda system: (
+        of_gazebo(system),
+        system.heard.pop("/clock"),
+    ),
+    "no Gazebo": lambda system: (
+        of_gazebo(system),
+        system.services.pop("/gazebo/set_model_configuration"),
+    ),
+    "neither Gazebo nor a description": lambda system: (
+        of_gazebo(system),
+        system.services.pop("/gazebo/set_model_configuration"),
+        system.parameters.pop("/robot_description"),
+    ),
     "no link states": change("publishers", "/gazebo/link_states"),
     "silent link states": change("heard", "/gazebo/link_states"),
     "no bridge": change("publishers", "/tf_joint_states"),

@@ -20,7 +20,12 @@ import numpy as np
 import rospy
 import tf2_ros
 from gazebo_msgs.msg import ModelStates
-from gazebo_msgs.srv import GetJointProperties, GetModelState, GetWorldProperties
+from gazebo_msgs.srv import (
+    GetJointProperties,
+    GetModelState,
+    GetPhysicsProperties,
+    GetWorldProperties,
+)
 from pages import blocks
 from rosgraph_msgs.msg import Clock
 from scipy.spatial.transform import Rotation
@@ -249,6 +254,9 @@ class TestDropIn(unittest.TestCase):
         os.kill(pid, signal.SIGKILL)
         wait_for(lambda: process_of("/gazebo") not in (None, pid), "a new simulator")
         wait_for(self.is_in_place, "the robot in it")
+        self.assertEqual(rospy.get_param("/gazebo/sim"), "gazebo")
+        name = "/gazebo/get_physics_properties"
+        self.assertTrue(rospy.ServiceProxy(name, GetPhysicsProperties)().pause)
         rospy.ServiceProxy("/gazebo/unpause_physics", Empty)()
         self.check_that_it_moves()
         self.roslaunch.send_signal(signal.SIGINT)

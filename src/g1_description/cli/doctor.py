@@ -106,7 +106,6 @@ RVIZ_SERVICE = "/reload_shaders"
 """Base name of a service of each RViz."""
 
 DISPLAY = "roslaunch g1_description display.launch"
-GAZEBO = "roslaunch g1_description gazebo.launch"
 BROWSER = "roslaunch g1_description web.launch"
 DOCTOR = "rosrun g1_description doctor"
 OWN_IP = "unset ROS_HOSTNAME; export ROS_IP=$(hostname -I | cut -d' ' -f1)"
@@ -313,7 +312,7 @@ def first_message(topic: str, kind: Any) -> Any:
 
 
 def call(service: str, kind: Any) -> Any:
-    """Call a service that may hang.
+    """Call a service that may hang, or not be there yet.
 
     Raises:
         OSError: If there is no answer.
@@ -405,6 +404,13 @@ class System:
             return BridgeParameters(**{name: own[name] for name in names & {*own}})
         except (G1DescriptionError, TypeError):  # a bridge does not start with these
             return BridgeParameters()
+
+    def launch(self, file: str) -> str:
+        """Return the command that starts a launch file, with the simulator in use."""
+        is_gazebo = self.parameter(f"{self.gazebo}/sim") == "gazebo"
+        if self.simulators:
+            is_gazebo = not self.services[f"{self.gazebo}/step"]
+        return f"roslaunch g1_description {file}{' sim:=gazebo' * is_gazebo}"
 
     @property
     def gazebo(self) -> str:
@@ -670,7 +676,7 @@ def check_description(system: System) -> Fault | str:
     places = [name] if name.startswith("/") else places
     found = ((place, system.parameter(place)) for place in places)
     place, text = next((pair for pair in found if pair[1] is not None), ("", ""))
-    fix = DISPLAY
+    fix = system.launch("display.launch")
     if system.simulators:  # launch files refuse to start a second one
         fix = (
             "rosrun g1_description absolute_urdf.py '' > /tmp/robot.urdf && "
@@ -702,19 +708,25 @@ def check_meshes(system: System) -> Fault | str:
     if not lost:
         return f"{len(names)} files"
     message = f"Meshes of the robot in {system.place} are missing on this machine: "
-    fix = meshes_fix(lost, str(share_folder()))
+    fix = meshes_fix(lost, str(share_folder()), system.launch("display.launch"))
     return Fault("missing_meshes", f"{message}{listed(lost)}.", fix)
 
 
-def meshes_fix(lost: Sequence[str], share: str) -> str:
-    """Return the command that restores meshes; share is this package's folder."""
+def meshes_fix(lost: Sequence[str], share: str, display: str) -> str:
+    """Return the command that restores meshes.
+
+    Args:
+        lost: Their names in the URDF.
+        share: This package's folder.
+        display: The command that starts the display.
+    """
     scheme, _, path = lost[0].partition("://")
     package = path.partition("/")[0]
     if scheme == "package" and package != "g1_description":
         return f"source ~/catkin_ws/devel/setup.bash  # the workspace with {package}"
     if all(name.startswith(f"file://{share}/") for name in lost):
         return f"git -C {share} checkout -- meshes"
-    return f"{DISPLAY} model:=FILE  # FILE: a URDF whose meshes are found"
+    return f"{display} model:=FILE  # FILE: a URDF whose meshes are found"
 
 
 def check_simulator(system: System) -> Fault | str:
@@ -724,7 +736,7 @@ def check_simulator(system: System) -> Fault | str:
     if not system.simulators:
         service = f"{system.gazebo}/set_model_configuration"
         message = f"No simulator is running: nothing provides {service}."
-        return Fault("no_simulator", message, GAZEBO)
+        return Fault("no_simulator", message, system.launch("gazebo.launch"))
     service = f"{system.gazebo}/get_physics_properties"
     try:
         system.is_paused = bool(call(service, GetPhysicsProperties).pause)
@@ -744,7 +756,8 @@ def _restart(system: System, node: str, kill: str = "kill") -> str:
 
     Launch files refuse to start a second one, and rosnode cannot kill the real Gazebo.
     """
-    return f"{kill} {system.pids[node]}  # on its machine; then: {GAZEBO}"
+    launch = system.launch("gazebo.launch")
+    return f"{kill} {system.pids[node]}  # on its machine; then: {launch}"
 
 
 def _silent(name: str, node: str, topic: str, fix: str) -> Fault:
