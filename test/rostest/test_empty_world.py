@@ -5,16 +5,21 @@ this test that keep what they are asked.
 """
 
 import io
+import math
 import re
 import signal
 import subprocess
 import tempfile
+import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 import rospy
 from gazebo_msgs.srv import (
+    DeleteModel,
+    GetJointProperties,
     GetPhysicsProperties,
     GetWorldProperties,
     GetWorldPropertiesResponse,
@@ -39,8 +44,8 @@ from support.ros_testing import (
 )
 
 from g1_description.errors import DescriptionError
-from g1_description.gazebo.parameters import GazeboParameters
-from g1_description.gazebo.programs import spawn_model
+from g1_description.gazebo.parameters import GazeboParameters, SpawnParameters
+from g1_description.gazebo.programs import spawn_model, spawn_robot
 from g1_description.gazebo.start import make_world
 
 SHELF = REPOSITORY / "test" / "data" / "shelf.world"
@@ -49,7 +54,7 @@ SECOND = "/second/gazebo"
 URDF = str(REPOSITORY / "urdf" / "g1_29dof.urdf")
 LINK = '<link name="link"/>'
 BOX = f'<sdf version="1.6"><model name="box">{LINK}</model></sdf>'
-ELBOW = "left_elbow_joint"
+ELBOW, KNEE = "left_elbow_joint", "left_knee_joint"
 
 
 @pytest.fixture(scope="module")
@@ -416,3 +421,89 @@ def test_a_mistake_ends_the_command_with_one_sentence():
     assert code == 1
     assert "Cannot read the file /nowhere.urdf" in output
     assert output.count("\n") == 1, output
+
+
+SPAWNING = {
+    "spawn_urdf_model": SpawnModel,
+    "get_physics_properties": GetPhysicsProperties,
+    "set_model_configuration": SetModelConfiguration,
+    "get_joint_properties": GetJointProperties,
+    "delete_model": DeleteModel,
+    "pause_physics": Empty,
+    "unpause_physics": Empty,
+}
+"""The services that spawners call."""
+
+
+class Busy:
+    """The simulator's services below /busy, as a busy Gazebo has them.
+
+    It answers before a model is loaded, and what is set until then is lost.
+    """
+
+    def __init__(self):
+        self.load_time, self.refusals, self.calls = 0.0, 0, []
+        self._loaded, self._services = -math.inf, []
+
+    def advertise(self, *names):
+        for name in names:
+            kind, answer = SPAWNING[name], partial(self._answer, name)
+            self._services.append(rospy.Service(f"/busy/{name}", kind, answer))
+
+    def _answer(self, name, request):
+        self.calls.append(name)
+        if name == "spawn_urdf_model" and self.calls.count(name) <= self.refusals:
+            return SpawnModelResponse(False, "SpawnModel: busy")
+        if name == "set_model_configuration" and time.monotonic() < self._loaded:
+            return SetModelConfigurationResponse(True, "success")
+        response = rospy.ServiceProxy(f"/gazebo/{name}", SPAWNING[name])(request)
+        if name == "spawn_urdf_model":
+            self._loaded = time.monotonic() + self.load_time
+        return response
+
+    def close(self):
+        for service in self._services:
+            service.shutdown()
+
+
+@pytest.fixture
+def busy(simulator):
+    rospy.set_param("/robot", Path(URDF).read_text())
+    made = Busy()
+    yield made
+    made.close()
+    for name in {*simulator.models()} - {*MODELS}:
+        simulator.call("delete_model", model_name=name)
+
+
+def spawn_squatting():
+    """Do what spawn_robot.py does, in this process."""
+    parameters = SpawnParameters("/robot", initial_pose="squat")
+    spawn_robot.spawn(parameters, spawn_model.GazeboServices("/busy"))
+
+
+def knee(simulator):
+    joint = f"g1_robot::{KNEE}"
+    return simulator.call("get_joint_properties", joint_name=joint)["position"]
+
+
+def test_joints_that_gazebo_loses_while_it_loads_are_set_again(busy, simulator):
+    busy.load_time = 1.0
+    busy.advertise(*SPAWNING)
+    spawn_squatting()
+    assert knee(simulator) == [2.35]
+    simulator.call("delete_model", model_name="g1_robot")
+    busy.load_time = 0.3
+    bent = "-J", KNEE, "0.5", "-gazebo_namespace", "/busy"
+    spawn("-urdf", "-param", "/robot", "-model", "g1_robot", *bent)
+    assert knee(simulator) == [0.5]
+
+
+def test_a_robot_whose_joints_cannot_be_set_is_deleted(busy, simulator, monkeypatch):
+    monkeypatch.setattr(spawn_robot, "SET_TIMEOUT", 0.0)
+    busy.load_time = math.inf
+    busy.advertise(*SPAWNING)
+    words = "Gazebo has not set .* of g1_robot to .*; the robot is deleted again"
+    with pytest.raises(rospy.ServiceException, match=words):
+        spawn_squatting()
+    assert simulator.models() == MODELS

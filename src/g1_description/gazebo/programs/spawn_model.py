@@ -37,6 +37,10 @@ from g1_description.ros.waiting import MASTER_PERIOD, wait_until
 WARN_AFTER = 1.0
 """Wait for a service after which a message is logged, in [s]."""
 
+LOAD_TIME = 0.5
+"""Time in [s] that Gazebo loads a model after it said that it is spawned; meanwhile it
+often loses positions of joints."""
+
 
 def parser() -> OneSentenceParser:
     """Make a parser of spawn_model's arguments."""
@@ -236,6 +240,7 @@ def calls(args: argparse.Namespace, text: str):
         args.reference_frame,
     )
     if args.joints:
+        rospy.rostime.wallsleep(LOAD_TIME)
         names, positions = list(args.joints), list(args.joints.values())
         service = "set_model_configuration"
         yield service, SetModelConfiguration, args.model, "", names, positions

@@ -4,19 +4,30 @@ Gazebo sets joints only after a model was spawned, so physics is paused meanwhil
 otherwise the robot would start to fall with its joints at zero.
 
 Calls: spawn_urdf_model (gazebo_msgs/SpawnModel), set_model_configuration
-    (gazebo_msgs/SetModelConfiguration), get_physics_properties
+    (gazebo_msgs/SetModelConfiguration), get_joint_properties
+    (gazebo_msgs/GetJointProperties), get_physics_properties
     (gazebo_msgs/GetPhysicsProperties), pause_physics and unpause_physics
-    (std_srvs/Empty), set_anchor (g1_description/SetAnchor), below /gazebo
+    (std_srvs/Empty), delete_model (gazebo_msgs/DeleteModel), set_anchor
+    (g1_description/SetAnchor), below /gazebo
 Parameters: those of parameters.SpawnerParameters
 """
 
 from __future__ import annotations
 
+import math
 import sys
+from collections.abc import Mapping
+from contextlib import suppress
 
 import rosgraph
 import rospy
-from gazebo_msgs.srv import GetPhysicsProperties, SetModelConfiguration, SpawnModel
+from gazebo_msgs.srv import (
+    DeleteModel,
+    GetJointProperties,
+    GetPhysicsProperties,
+    SetModelConfiguration,
+    SpawnModel,
+)
 from std_srvs.srv import Empty
 
 from g1_description.errors import G1DescriptionError
@@ -25,7 +36,8 @@ from g1_description.gazebo.parameters import (
     SpawnParameters,
     place_robot,
 )
-from g1_description.gazebo.programs.spawn_model import GazeboServices
+from g1_description.gazebo.programs.spawn_model import LOAD_TIME, GazeboServices
+from g1_description.robot.assembly import SCOPE
 from g1_description.ros.conversions import pose_from_array
 from g1_description.ros.lifecycle import start_node
 from g1_description.ros.parameters import read_parameters
@@ -34,6 +46,12 @@ from g1_description.srv import SetAnchor
 
 GAZEBO = "/gazebo"
 """Name of the node, and namespace of its services."""
+
+SET_TIMEOUT = 10.0
+"""Longest wait for joints to be where they were set, in [s]."""
+
+TOLERANCE = 1e-3
+"""Distance of a joint from where it was set, in [rad] or [m]."""
 
 WATCH_PERIOD = 1.0
 """Time between two checks for a new Gazebo in [s]."""
@@ -56,16 +74,62 @@ def spawn(parameters: SpawnParameters, gazebo: GazeboServices) -> None:
         _log(gazebo.wait_and_call("spawn_urdf_model", SpawnModel, *model, *at))
         _set_anchor(p, gazebo)
         return
+    # Gazebo has no joints of links that were lumped or have no mass.
+    known = {joint.name for joint in assembly.description.movable_joints}
+    begin = {name: value for name, value in begin.items() if name in known}
     physics = gazebo.wait_and_call("get_physics_properties", GetPhysicsProperties)
     gazebo.call("pause_physics", Empty)
     try:
         _log(gazebo.call("spawn_urdf_model", SpawnModel, *model, *at))
-        joints = p.model_name, "", [*begin], [*begin.values()]
-        _log(gazebo.call("set_model_configuration", SetModelConfiguration, *joints))
+        _set_joints(p.model_name, begin, gazebo)
     finally:
         if not physics.pause:
             gazebo.call("unpause_physics", Empty)
     _set_anchor(p, gazebo)
+
+
+def _set_joints(
+    model: str, positions: Mapping[str, float], gazebo: GazeboServices
+) -> None:
+    """Set joints of a new model until they read so; delete it if they never do.
+
+    Gazebo answers with success while it loads a model, and loses the positions.
+
+    Raises:
+        ServiceException: If a joint is elsewhere after ``SET_TIMEOUT``.
+    """
+    request = model, "", [*positions], [*positions.values()]
+    off: list[str] = []
+
+    def read(joint: str) -> float:
+        try:
+            name = f"{model}{SCOPE}{joint}"
+            answer = gazebo.call("get_joint_properties", GetJointProperties, name)
+        except rospy.ServiceException:  # not loaded yet
+            return math.nan
+        return answer.position[0]
+
+    def are_set() -> bool:
+        off[:] = [
+            joint
+            for joint, position in positions.items()
+            if not abs(read(joint) - position) < TOLERANCE
+        ]
+        if off:
+            _log(
+                gazebo.call("set_model_configuration", SetModelConfiguration, *request)
+            )
+        return not off
+
+    rospy.rostime.wallsleep(LOAD_TIME)
+    if wait_until(are_set, SET_TIMEOUT, period=LOAD_TIME):
+        return
+    with suppress(rospy.ServiceException):  # its straight legs may be in the floor
+        gazebo.call("delete_model", DeleteModel, model)
+    raise rospy.ServiceException(
+        f"Gazebo has not set {off[0]} of {model} to {positions[off[0]]:g} within "
+        f"{SET_TIMEOUT:g} s; the robot is deleted again."
+    )
 
 
 def _set_anchor(parameters: SpawnParameters, gazebo: GazeboServices) -> None:
