@@ -15,7 +15,7 @@ def test_a_gazebo_that_is_replaced_while_the_robot_is_spawned_gets_it(monkeypatc
     """The new one may be there before the old one's end is told."""
     address, spawned, known = ["old"], [], []
 
-    def wait_for(_):
+    def wait_for(*_):
         address[0] = "old"  # an older one has gone meanwhile
 
     def spawn(*_):
@@ -23,7 +23,7 @@ def test_a_gazebo_that_is_replaced_while_the_robot_is_spawned_gets_it(monkeypatc
         address[0] = "new"
         raise rospy.ServiceException("transport error")
 
-    def wait_for_another(one):
+    def wait_for_another(one, timeout):
         known.append(one)
         raise rospy.ROSInterruptException
 

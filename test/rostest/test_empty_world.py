@@ -11,6 +11,7 @@ import signal
 import subprocess
 import tempfile
 import time
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 
@@ -487,6 +488,23 @@ def knee(simulator):
     return simulator.call("get_joint_properties", joint_name=joint)["position"]
 
 
+@pytest.mark.parametrize("late", ["pause_physics", "get_joint_properties"])
+def test_the_spawner_calls_nothing_before_all_services_are_there(
+    late, busy, simulator, log
+):
+    busy.advertise(*{*SPAWNING} - {late})
+    waits = f"Waiting for the service /busy/{late}"
+    log.clear()
+    with ThreadPoolExecutor() as pool:
+        spawning = pool.submit(spawn_squatting)
+        wait_for(lambda: busy.calls or any(waits in m.msg for m in log.messages), waits)
+        assert busy.calls == []
+        busy.advertise(late)
+        spawning.result(DEADLINE)
+    assert knee(simulator) == [2.35]
+    assert "unpause_physics" not in busy.calls  # it was paused before
+
+
 def test_joints_that_gazebo_loses_while_it_loads_are_set_again(busy, simulator):
     busy.load_time = 1.0
     busy.advertise(*SPAWNING)
@@ -507,3 +525,22 @@ def test_a_robot_whose_joints_cannot_be_set_is_deleted(busy, simulator, monkeypa
     with pytest.raises(rospy.ServiceException, match=words):
         spawn_squatting()
     assert simulator.models() == MODELS
+
+
+def test_with_respawn_an_error_is_not_the_end(busy, simulator):
+    busy.refusals = 1
+    busy.advertise(*SPAWNING)
+    words = "_respawn:=true", "_robot_description:=/robot", "_initial_pose:=squat"
+    process = subprocess.Popen(
+        [
+            program("spawn_robot.py"),
+            *words,
+            *(f"/gazebo/{name}:=/busy/{name}" for name in SPAWNING),
+        ],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+    )
+    wait_for(lambda: knee(simulator) == [2.35], "the second attempt")
+    assert "SpawnModel: busy. Trying again in 5 s." in interrupted(process)[1]

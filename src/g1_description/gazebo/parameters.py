@@ -62,8 +62,8 @@ class SpawnerParameters(SpawnParameters):
     """Parameters of the node that spawns a robot in the real Gazebo."""
 
     respawn: bool = False
-    """Keep running, and spawn the robot again in each Gazebo that replaces this
-    one."""
+    """Keep running, and spawn the robot again after an error, and in each Gazebo that
+    replaces this one."""
 
 
 @dataclass(frozen=True)

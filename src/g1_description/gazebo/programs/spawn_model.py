@@ -161,18 +161,19 @@ class GazeboServices:
         self._lock = threading.RLock()
         self._has_spawned = self._is_over = False
 
-    def wait_for(self, name: str) -> None:
-        """Wait for a service.
+    def wait_for(self, *names: str) -> None:
+        """Wait for services.
 
         Raises:
             ROSInterruptException: If the node was shut down meanwhile.
         """
-        service = f"{self._namespace}/{name}"
-        try:
-            rospy.wait_for_service(service, WARN_AFTER)
-        except rospy.ROSException:
-            rospy.loginfo("Waiting for the service %s.", service)
-            rospy.wait_for_service(service)
+        for name in names:
+            service = f"{self._namespace}/{name}"
+            try:
+                rospy.wait_for_service(service, WARN_AFTER)
+            except rospy.ROSException:
+                rospy.loginfo("Waiting for the service %s.", service)
+                rospy.wait_for_service(service)
 
     def wait_and_call(self, name: str, kind, *arguments):
         """Wait for a service and call it.

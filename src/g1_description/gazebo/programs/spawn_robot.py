@@ -47,6 +47,16 @@ from g1_description.srv import SetAnchor
 GAZEBO = "/gazebo"
 """Name of the node, and namespace of its services."""
 
+SERVICES = (
+    "spawn_urdf_model",
+    "get_physics_properties",
+    "pause_physics",
+    "set_model_configuration",
+    "get_joint_properties",
+    "unpause_physics",
+)
+"""Gazebo advertises one after the other; nothing is called before all are there."""
+
 SET_TIMEOUT = 10.0
 """Longest wait for joints to be where they were set, in [s]."""
 
@@ -55,6 +65,9 @@ TOLERANCE = 1e-3
 
 WATCH_PERIOD = 1.0
 """Time between two checks for a new Gazebo in [s]."""
+
+RETRY_PERIOD = 5.0
+"""Time from an error to the next attempt in the same Gazebo, in [s]."""
 
 
 def spawn(parameters: SpawnParameters, gazebo: GazeboServices) -> None:
@@ -69,15 +82,16 @@ def spawn(parameters: SpawnParameters, gazebo: GazeboServices) -> None:
     assembly, pose = place_robot(p)
     model = p.model_name, rospy.get_param(p.robot_description), rospy.get_namespace()
     at = pose_from_array(pose), ""
+    gazebo.wait_for(*SERVICES)
     begin = assembly.positions
     if not begin:
-        _log(gazebo.wait_and_call("spawn_urdf_model", SpawnModel, *model, *at))
+        _log(gazebo.call("spawn_urdf_model", SpawnModel, *model, *at))
         _set_anchor(p, gazebo)
         return
     # Gazebo has no joints of links that were lumped or have no mass.
     known = {joint.name for joint in assembly.description.movable_joints}
     begin = {name: value for name, value in begin.items() if name in known}
-    physics = gazebo.wait_and_call("get_physics_properties", GetPhysicsProperties)
+    physics = gazebo.call("get_physics_properties", GetPhysicsProperties)
     gazebo.call("pause_physics", Empty)
     try:
         _log(gazebo.call("spawn_urdf_model", SpawnModel, *model, *at))
@@ -157,22 +171,28 @@ def spawn_in_each(parameters: SpawnParameters, gazebo: GazeboServices) -> None:
         ROSInterruptException: If the node was shut down before the robot was spawned.
     """
     while True:
-        gazebo.wait_for("spawn_urdf_model")
+        gazebo.wait_for(*SERVICES)
         known = _address()  # before spawning: Gazebo may be replaced meanwhile
+        wait = None
         try:
             spawn(parameters, gazebo)
         except rospy.ServiceException as error:
-            rospy.logerr("%s", error)
+            reason = str(error).rstrip(".")
+            rospy.logerr("%s. Trying again in %g s.", reason, RETRY_PERIOD)
+            wait = RETRY_PERIOD
         try:
-            _wait_for_another(known)
+            is_another = _wait_for_another(known, wait)
         except rospy.ROSInterruptException:
             return
-        rospy.loginfo("Gazebo was restarted; the robot is spawned again.")
+        if is_another:
+            rospy.loginfo("Gazebo was restarted; the robot is spawned again.")
 
 
-def _wait_for_another(known: str | None) -> None:
-    """Wait until Gazebo's node has another address."""
-    wait_until(lambda: _address() not in (None, known), period=WATCH_PERIOD)
+def _wait_for_another(known: str | None, timeout: float | None) -> bool:
+    """Wait until Gazebo's node has another address; return whether it has."""
+    return wait_until(
+        lambda: _address() not in (None, known), timeout, period=WATCH_PERIOD
+    )
 
 
 def _address() -> str | None:
