@@ -986,6 +986,53 @@ def test_an_include_in_an_included_model_is_a_model_inside():
     np.testing.assert_allclose(pair.assembly.description.joints[0].pose[:3], [9] * 3)
 
 
+SHELVES = {
+    "model://still": sdf(model(link(), name="still", static=True)),
+    "model://moving": sdf(model(link(), name="moving")),
+    "model://rack": sdf(model(include("model://still"), name="rack")),
+    "model://inline": sdf(
+        model(link() + model(link(), name="in", static=True), name="inline")
+    ),
+}
+
+
+@pytest.mark.parametrize(
+    ("inside", "static"),
+    [
+        (include("model://still"), True),
+        (include("model://rack"), True),
+        (include("model://moving") + include("model://still"), True),
+        (include("model://still", "<static>0</static>"), False),
+        (include("model://rack", "<static>0</static>"), False),
+        (include("model://moving", "<static>1</static>") + link(), True),
+        (include("model://still") + "<static>false</static>", True),
+        ("<static>false</static>" + include("model://still"), False),
+        (
+            include("model://moving", "<static>0</static>")
+            + include("model://still", "<name>b</name>"),
+            False,
+        ),
+        (include("model://inline"), False),
+        (link("b") + model(include("model://still"), name="in"), False),
+    ],
+)
+def test_an_included_model_is_as_static_as_the_model_around_it(inside, static):
+    """Where that says nothing, the first included model that does counts."""
+    (alone,) = read_sdf(sdf(model(inside)), SHELVES.get).models
+    (found,) = read_sdf(world(model(inside)), SHELVES.get).models
+    assert [alone.assembly.static, found.assembly.static] == [static, static]
+
+
+def test_what_an_included_model_says_of_itself_is_named_of_the_model_around_it():
+    inside = "<self_collide>1</self_collide><enable_wind>1</enable_wind>"
+    boxes = {"model://a": sdf(model(link() + inside, name="a"))}
+    (found,) = read_sdf(sdf(model(include("model://a"))), boxes.get).models
+    assert found.assembly.left_out == (
+        "self_collide of model m is not simulated",
+        "enable_wind of model m is not simulated",
+    )
+
+
 def test_an_included_file_keeps_the_meaning_of_its_version():
     (old,) = read_sdf(world(include("model://old")), find_box).models
     (found,) = old.assembly.description.joints

@@ -22,6 +22,9 @@ INCLUDED = "included_from"
 """Attribute of included elements: in Gazebo, an included model becomes part of the
 model around it, but a nested model does not."""
 
+_STAYING = ("pose", "frame", "link", "joint", "model")
+"""Elements of an included model that do not apply to the model around it."""
+
 _MOST_INCLUDES = 1000
 _DEEPEST_INCLUDE = 20
 
@@ -88,6 +91,7 @@ def whole_document(
     is_world = root.find("world") is not None
     waiting: list[tuple[etree._Element, tuple[str, ...]]] = []
     waiting.extend((include, ()) for include in _includes(root))
+    included: list[etree._Element] = []
     for include, chain in waiting:
         parent, element = include.getparent(), None
         try:
@@ -101,13 +105,27 @@ def whole_document(
             parent.remove(include)
             continue
         parent.replace(include, element)
+        included.append(element)
         inside = (*chain, text_of(include, "uri"))
         waiting.extend((inner, inside) for inner in _includes(element))
         if len(waiting) > _MOST_INCLUDES:
             raise DescriptionError(
                 f"The SDF includes more than {_MOST_INCLUDES} models."
             )
+    for element in reversed(included):  # the innermost first
+        _move_out(element)
     return root, left_out
+
+
+def _move_out(entity: etree._Element) -> None:
+    """Move what an included model says of itself to the model around it, if any.
+
+    So does libsdformat, where the first of several values applies.
+    """
+    if entity.tag == "model" and entity.getparent().tag == "model":
+        for child in list(entity):
+            if child.tag not in _STAYING:
+                entity.addprevious(child)
 
 
 def _document(what: str, text: str, left_out: list[str]) -> etree._Element:
@@ -218,7 +236,7 @@ def _overridden(
         elif child.tag in ("pose", "static"):
             for old in entity.findall(child.tag):
                 entity.remove(old)
-            entity.append(child)
+            entity.insert(0, child)
         elif child.tag == "plugin":
             entity.append(child)
         elif child.tag != "uri":
