@@ -83,6 +83,27 @@ def test_spheres(gap):
     assert len(spheres.contacts(poses, min(gap, 0.0) - 1e-3).frame) == 0
 
 
+@pytest.mark.parametrize("gap", [-0.06, -0.01, 0.01])
+def test_capsules(gap):
+    """Crossing each other off their middles, in a turned world, and before a box."""
+    lying = '<origin xyz="0.1 0 0" rpy="0 1.5707963267948966 0"/>'
+    pill = shape('capsule radius="0.05" length="0.6"', xyz="0 0 0.2")
+    across = pill.replace('<origin xyz="0 0 0.2"/>', lying).replace("0.05", "0.03")
+    robots = SelfCollisions(robot(pill, across, box(1, 1, 1)), ())
+    turned = Rotation.from_euler("xyz", [0.3, -1.0, 2.0])
+    q = turned.as_quat()
+    beside = turned.apply([0.05, 0.08 + gap, 0.3])
+    under = turned.apply([0.0, 0.0, -0.1 - 0.05 - gap - 0.5])
+    poses = at([0, 0, 0, *q], [*beside, *q], [*under, *q])
+    found = robots.contacts(poses, 0.02)
+    assert [robots.pairs[pair] for pair in found.pair] == [("l0", "l1"), ("l0", "l2")]
+    assert found.distance == pytest.approx([gap, gap], abs=SMALL)
+    normals = turned.apply([[0, 1, 0], [0, 0, -1]])
+    assert found.normal == pytest.approx(normals, abs=1e-3)
+    points = turned.apply([[0, 0.05, 0.3], [0, 0, -0.15]])
+    assert found.points_a == pytest.approx(points, abs=1e-4)
+
+
 def test_boxes():
     """Least overlap along y, seen in a turned world."""
     boxes = SelfCollisions(robot(box(1, 1, 1), box(1, 2, 1)), ())

@@ -17,6 +17,7 @@ from g1_description.sim.meshes.stl import AROUND
 
 BOX = '<box size="0.2 0.3 0.5"/>'
 BALL = '<sphere radius="0.4"/>'
+PILL = '<capsule radius="0.2" length="0.7"/>'
 ROD = '<cylinder radius="0.1" length="0.7"/>'
 ROUND = np.sin(2 * np.pi / AROUND) * AROUND / (2 * np.pi)
 """Area of the polygon that stands for a circle, as a share of the circle's."""
@@ -70,6 +71,7 @@ def wedge(tmp_path_factory):
     [
         (BOX, trimesh.creation.box((0.2, 0.3, 0.5)), 1e-6),
         (BALL, trimesh.creation.icosphere(4, 0.4), 0.01),
+        (PILL, trimesh.creation.capsule(0.7, 0.2, count=[256, 256]), 0.01),
         (ROD, trimesh.creation.cylinder(0.1, 0.7, sections=256), 1.1 * (1 - ROUND)),
     ],
 )

@@ -67,6 +67,9 @@ SHAPES = {
     '<box size="0.4 0.6 0.8"/>': lambda direction: (
         np.abs(direction) @ [0.6 * 0.8, 0.4 * 0.8, 0.4 * 0.6]
     ),
+    '<capsule radius="0.3" length="0.7"/>': lambda direction: (
+        0.42 * np.hypot(*direction[:2]) + np.pi * 0.09
+    ),
     '<cylinder radius="0.3" length="1"/>': lambda direction: (
         0.6 * np.hypot(*direction[:2]) + np.pi * 0.09 * abs(direction[2])
     ),

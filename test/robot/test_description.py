@@ -261,9 +261,9 @@ def test_a_robot_needs_neither_name_nor_version():
         ('<link name="c"><visual/></link>', "geometry"),
         ('<link name="c"><visual><geometry/></visual></link>', "geometr"),
         (
-            '<link name="c"><collision><geometry><capsule/></geometry></collision>'
-            "</link>",
-            "capsule",
+            '<link name="c"><collision><geometry><capsule radius="1"/></geometry>'
+            "</collision></link>",
+            "collision.*length",
         ),
     ],
 )

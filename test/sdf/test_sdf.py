@@ -376,6 +376,7 @@ def test_a_joint_has_the_damping_and_friction_of_the_file():
     [
         ("<box/>", "box", (1, 1, 1), ""),
         ("<box><size>1 2 3</size></box>", "box", (1, 2, 3), ""),
+        ("<capsule/>", "capsule", (0.5, 1), ""),
         ("<sphere/>", "sphere", (1,), ""),
         ("<sphere><radius>2</radius></sphere>", "sphere", (2,), ""),
         ("<cylinder/>", "cylinder", (1, 1), ""),
@@ -762,7 +763,7 @@ def test_a_wrong_file_is_refused_with_facts(text, words):
         (link("a", "<velocity_decay><linear>0.0</linear></velocity_decay>"), []),
         (link("a", '<light name="eye"/>'), ["light eye of link a"]),
         (link("a", collision("<empty/>", "<laser_retro>0</laser_retro>")), []),
-        (link("a", collision("<capsule/>")), ["capsule in collision c of link a"]),
+        (link("a", collision("<cone/>")), ["cone in collision c of link a"]),
         (link("a", collision("<heightmap/>")), ["heightmap in collision c of link a"]),
         (
             link("a", collision("<mesh><uri>m</uri><submesh/></mesh>")),
@@ -823,7 +824,7 @@ def test_what_is_not_simulated_is_named_once(inside, clauses):
 
 
 def test_shapes_that_cannot_be_simulated_are_left_out():
-    (only,) = read_model(link("a", collision("<capsule/>"))).assembly.description.links
+    (only,) = read_model(link("a", collision("<cone/>"))).assembly.description.links
     assert only.collisions == ()
 
 

@@ -1,5 +1,7 @@
 """Contacts against mechanics: resting, sliding, bouncing, collapsing."""
 
+import math
+
 import numpy as np
 import pytest
 from test_world import ARM
@@ -27,6 +29,8 @@ def thing(shape, surface="", inertia=0.01, mass=1.0):
 
 CUBE = "<box><size>0.2 0.2 0.2</size></box>"
 BALL = "<sphere><radius>0.1</radius></sphere>"
+CAPSULE = "<capsule><radius>0.1</radius><length>0.3</length></capsule>"
+LYING = (0.0, 0.0, 1.0, 0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5))
 FRICTION = "<friction><ode><mu>{0}</mu><mu2>{0}</mu2></ode></friction>"
 BOUNCE = "<bounce><restitution_coefficient>{}</restitution_coefficient></bounce>"
 
@@ -36,10 +40,10 @@ def spawn(world, text, pose=(0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0), name="thing"):
     return world.model(name)
 
 
-@pytest.mark.parametrize("shape", [CUBE, BALL])
+@pytest.mark.parametrize("shape", [CUBE, BALL, CAPSULE])
 def test_a_thing_dropped_from_a_metre_rests_within_two_millimetres(make_world, shape):
     world = make_world("limp")
-    model = spawn(world, thing(shape))
+    model = spawn(world, thing(shape), LYING)
     world.run(1.5)
     assert model.pose[2] == pytest.approx(0.1, abs=0.002)
     assert np.abs(model.twist).max() < 0.01

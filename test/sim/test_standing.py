@@ -121,13 +121,18 @@ def test_a_robot_lying_down_is_on_the_floor_too(make_world, g1):
 
 
 def test_the_height_is_that_of_the_lowest_corner(make_world):
-    """A box of 2 m on its corner, and a robot without shapes, by hand."""
+    """A box of 2 m on its corner, capsules, and a robot without shapes, by hand."""
     box = """<robot name="r"><link name="box"><inertial><mass value="1"/>
     <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>{}</link>
     </robot>"""
     shape = '<collision><geometry><box size="2 2 2"/></geometry></collision>'
     turn = Rotation.from_euler("xyz", [math.pi / 4, math.atan(math.sqrt(0.5)), 1.0])
-    for text, lowest in ((box.format(shape), math.sqrt(3.0)), (box.format(""), 0.0)):
+    lowest_of = {shape: math.sqrt(3.0), "": 0.0}
+    for radius, length in ((0.2, 0.6), (0.3, 0.0)):
+        size = f'radius="{radius}" length="{length}"'
+        capsule = f"<collision><geometry><capsule {size}/></geometry></collision>"
+        lowest_of[capsule] = radius + length / 2 * abs(turn.as_matrix()[2, 2])
+    for text, lowest in [(box.format(s), lowest) for s, lowest in lowest_of.items()]:
         z = standing_height(in_pose(text, {}), turn.as_quat())
         assert lowest + 0.0005 <= z <= lowest + 0.0016
 
@@ -298,7 +303,8 @@ SHAPES = """<robot name="r"><link name="a">
 <origin xyz="0 0 -0.3"/><axis xyz="0 1 0"/>
 <limit lower="-2" upper="2" effort="1" velocity="1"/></joint>
 <link name="b"><visual><origin xyz="0 0 -0.5"/><geometry>
-<sphere radius="0.07"/></geometry></visual></link></robot>"""
+<sphere radius="0.07"/></geometry></visual><visual><origin rpy="0 1.5 0"/><geometry>
+<capsule radius="0.06" length="0.4"/></geometry></visual></link></robot>"""
 
 
 def still(pose, names=(), positions=()):
@@ -307,7 +313,7 @@ def still(pose, names=(), positions=()):
     )
 
 
-def test_boxes_and_spheres_are_where_scipy_puts_them():
+def test_boxes_and_round_shapes_are_where_scipy_puts_them():
     random = np.random.RandomState(4)
     robot = parse_urdf(SHAPES)
     for _ in range(10):
@@ -318,9 +324,11 @@ def test_boxes_and_spheres_are_where_scipy_puts_them():
         )
         box = Rotation.from_euler("xyz", [0.3, 0.2, 0.1]).apply(corners)
         box = base.apply(box + np.array([0.1, 0, 0.2])) + place
-        ball = Rotation.from_rotvec([0, angle, 0]).apply([0, 0, -0.5])
-        ball = base.apply(ball + np.array([0, 0, -0.3])) + place
-        wanted = min(box[:, 2].min(), ball[2] - 0.07)
+        end = Rotation.from_rotvec([0, 1.5, 0]).apply([0, 0, 0.2])
+        round_ = Rotation.from_rotvec([0, angle, 0]).apply([[0, 0, -0.5], end, -end])
+        round_ = base.apply(round_ + np.array([0, 0, -0.3])) + place
+        heights = round_[:, 2] - [0.07, 0.06, 0.06]
+        wanted = min(box[:, 2].min(), heights.min())
         pose = np.concatenate([place, base.as_quat()])
         found = lowest_height(robot, still(pose, ["j"], [angle]))
         assert found == pytest.approx(wanted, abs=1e-12)

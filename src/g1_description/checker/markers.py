@@ -24,10 +24,12 @@ from g1_description.robot.description import Shape
 from g1_description.robot.state import RobotState
 from g1_description.ros.conversions import pose_from_array, stamp_from_ns
 from g1_description.ros.publisher import DirectPublisher
+from g1_description.sim.meshes.stl import capsule
 
 KINDS = {
     "box": Marker.CUBE,
     "cylinder": Marker.CYLINDER,
+    "capsule": Marker.TRIANGLE_LIST,
     "sphere": Marker.SPHERE,
     "mesh": Marker.MESH_RESOURCE,
 }
@@ -105,12 +107,16 @@ class MarkerMaker:
         sizes = {
             "box": shape.size,
             "cylinder": (2.0 * shape.size[0], 2.0 * shape.size[0], shape.size[-1]),
+            "capsule": (1.0,) * 3,
             "sphere": (2.0 * shape.size[0],) * 3,
         }
         scale = sizes.get(shape.kind, shape.size)
         marker = self.add(namespace, KINDS[shape.kind], color, scale, alpha)
         marker.pose = pose_from_array(shape.pose)
         marker.mesh_resource = shape.filename
+        if shape.kind == "capsule":  # RViz has none
+            surface = capsule(*shape.size)
+            marker.points = to_points(surface.vertices[surface.triangles.ravel()])
 
     def text(
         self, namespace: str, place: np.ndarray, text: str, size: float, color

@@ -29,7 +29,8 @@ class ConvexShape:
     """Vertices of a hull in the link frame, in [m], shape (n, 3)."""
 
     radius: float
-    """In [m]: the radius of a sphere, which has one point; else 0."""
+    """In [m]: the radius of a sphere, which has one point, or of a capsule, which has
+    two; else 0."""
 
 
 def robot_shapes(
@@ -44,8 +45,8 @@ def robot_shapes(
 
     Returns:
         In the order of the links: boxes, cylinders (as prisms) and meshes as convex
-        hulls, with a hull for each part of a collision mesh; spheres exactly. Planes
-        are ignored. And a message for each mesh that cannot be read.
+        hulls, with a hull for each part of a collision mesh; spheres and capsules
+        exactly. Planes are ignored. And a message for each mesh that cannot be read.
     """
     links = posed_links(description)
     used = [

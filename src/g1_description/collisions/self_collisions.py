@@ -31,6 +31,7 @@ from g1_description.collisions.separating_planes import Bounds, Separation
 from g1_description.errors import InvalidValueError
 from g1_description.robot.assembly import rigid_frames
 from g1_description.robot.description import Description
+from g1_description.robot.rotation import from_z
 from g1_description.sim.bullet.client import connect, pybullet
 
 CHUNK = 256
@@ -108,14 +109,14 @@ class ClosestPoints:
         """Create a shape; return its number."""
         client = self._client
         if shape.radius:
-            center = shape.points[0].tolist()
-            return int(
-                client.createCollisionShape(
-                    pybullet.GEOM_SPHERE,
-                    radius=shape.radius,
-                    collisionFramePosition=center,
-                )
-            )
+            center = shape.points.mean(axis=0).tolist()
+            form = {"radius": shape.radius, "collisionFramePosition": center}
+            if len(shape.points) == 1:
+                return int(client.createCollisionShape(pybullet.GEOM_SPHERE, **form))
+            along = shape.points[1] - shape.points[0]
+            form["height"] = float(np.linalg.norm(along))
+            form["collisionFrameOrientation"] = from_z(along).tolist()
+            return int(client.createCollisionShape(pybullet.GEOM_CAPSULE, **form))
         vertices = shape.points.tolist()
         return int(client.createCollisionShape(pybullet.GEOM_MESH, vertices=vertices))
 

@@ -11,7 +11,7 @@ import numpy as np
 from g1_description.robot.description import Description, Shape
 from g1_description.robot.rotation import rotate
 from g1_description.sim.meshes.shapes import Mesh, find_meshes, is_there
-from g1_description.sim.meshes.stl import cylinder, read_stl, sphere
+from g1_description.sim.meshes.stl import ROUND, read_stl
 
 GREY = (0.7, 0.7, 0.7, 1.0)
 """Colour of a shape where its file gives none."""
@@ -99,10 +99,10 @@ def _looks(shape: Shape, mesh: Mesh | None) -> list[tuple[np.ndarray, Color]]:
 
 
 def _primitive(shape: Shape) -> np.ndarray:
-    """List the triangles of a box, sphere or cylinder, shape (n, 3, 3)."""
+    """List the triangles of a box or a round shape, shape (n, 3, 3)."""
     if shape.kind == "box":
         return _BOX * np.array(shape.size)
-    surface = sphere(*shape.size) if shape.kind == "sphere" else cylinder(*shape.size)
+    surface = ROUND[shape.kind](*shape.size)
     return surface.vertices[surface.triangles]
 
 

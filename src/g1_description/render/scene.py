@@ -19,7 +19,7 @@ from g1_description.robot.transform import IDENTITY, compose
 from g1_description.sim.bullet.client import BulletClient, connect, pybullet
 from g1_description.sim.meshes.contents import Part
 from g1_description.sim.meshes.shapes import Mesh, find_meshes, is_there
-from g1_description.sim.meshes.stl import cylinder, sphere
+from g1_description.sim.meshes.stl import ROUND
 
 BATCH_SIZE = 40_000
 """Triangles per shape: PyBullet accepts 131072 corners."""
@@ -105,7 +105,7 @@ def _primitive(shape: Shape) -> dict[str, object]:
         return {}
     if shape.kind == "box":
         return {"halfExtents": [size / 2 for size in shape.size]}
-    surface = sphere(*shape.size) if shape.kind == "sphere" else cylinder(*shape.size)
+    surface = ROUND[shape.kind](*shape.size)
     return {
         "vertices": surface.vertices.tolist(),
         "normals": surface.normals.tolist(),

@@ -27,11 +27,11 @@ class Shape:
     """A visual or collision shape."""
 
     kind: str
-    """One of box, cylinder, sphere, mesh, plane."""
+    """One of box, cylinder, capsule, sphere, mesh, plane."""
 
     size: tuple[float, ...]
-    """Box: x, y, z; cylinder: radius, length; sphere: radius; mesh: scale; in [m];
-    plane: its normal."""
+    """Box: x, y, z; cylinder: radius, length; capsule: radius, length without its ends;
+    sphere: radius; mesh: scale; in [m]; plane: its normal."""
 
     pose: np.ndarray
     """Shape in the link frame, shape (7,)."""

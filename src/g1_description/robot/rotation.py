@@ -170,6 +170,23 @@ def to_rotation_vector(q_a_b: np.ndarray) -> np.ndarray:
     return 2.0 * half * axis
 
 
+def from_z(direction: np.ndarray) -> np.ndarray:
+    """Compute a rotation that turns the z axis to a direction.
+
+    Args:
+        direction: Not zero, shape (3,).
+
+    Returns:
+        A unit quaternion (x, y, z, w), shape (4,).
+    """
+    z = np.array([0.0, 0.0, 1.0])
+    unit = direction / np.linalg.norm(direction)
+    if unit @ z < -1.0 + 1e-12:
+        return np.array([1.0, 0.0, 0.0, 0.0])
+    quaternion = np.append(cross(z, unit), 1.0 + unit @ z)
+    return np.asarray(quaternion / np.linalg.norm(quaternion))
+
+
 def from_rpy(rpy: np.ndarray) -> np.ndarray:
     """Convert URDF's fixed-axis roll, pitch, yaw.
 

@@ -146,6 +146,16 @@ IT_IS_XACRO = (
 )
 """Hint on a description that looks like xacro."""
 
+
+class _Capsule(urdf.Cylinder):
+    """A capsule, of URDF 1.1."""
+
+
+_GEOMETRY = xml_reflection.value_types["urdf.geometric"].factory.typeMap
+"""Classes of shapes by their tags."""
+
+_GEOMETRY["capsule"] = _Capsule
+
 _LOGGER = logging.getLogger(__name__)
 # Unknown attributes are not printed to stderr.
 xml_reflection.on_error = _LOGGER.debug
@@ -293,7 +303,8 @@ def _shape(link: str, element: urdf.Visual | urdf.Collision) -> Shape:
     if isinstance(geometry, urdf.Box):
         kind, size = "box", geometry.size
     elif isinstance(geometry, urdf.Cylinder):
-        kind, size = "cylinder", [geometry.radius, geometry.length]
+        kind = "capsule" if isinstance(geometry, _Capsule) else "cylinder"
+        size = [geometry.radius, geometry.length]
     elif isinstance(geometry, urdf.Sphere):
         kind, size = "sphere", [geometry.radius]
     else:

@@ -30,6 +30,7 @@ _SIZES = {
     "box": {"size": [1.0, 1.0, 1.0]},
     "sphere": {"radius": [1.0]},
     "cylinder": {"radius": [1.0], "length": [1.0]},
+    "capsule": {"radius": [0.5], "length": [1.0]},
 }
 """Kinds of shapes, the elements of their sizes, and their defaults."""
 

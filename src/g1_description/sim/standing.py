@@ -107,7 +107,8 @@ def _boxes(model: Model) -> Iterator[tuple[str, np.ndarray]]:
             pose = compose(poses[link.name], shape.pose)
             points, radius = outline(shape, meshes)
             turned = pose[:3] + rotate(pose[3:], points)
-            margin = radius if shape.kind in ("box", "sphere") else HULL_MARGIN
+            is_hull = shape.kind in ("cylinder", "mesh")
+            margin = HULL_MARGIN if is_hull else radius
             corners = [turned.min(axis=0) - margin, turned.max(axis=0) + margin]
             yield link.name, np.array(corners)
 

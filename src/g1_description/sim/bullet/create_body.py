@@ -50,6 +50,7 @@ KINDS = {
     "box": pybullet.GEOM_BOX,
     "sphere": pybullet.GEOM_SPHERE,
     "cylinder": pybullet.GEOM_MESH,
+    "capsule": pybullet.GEOM_CAPSULE,
     "mesh": pybullet.GEOM_MESH,
     "plane": pybullet.GEOM_PLANE,
 }
@@ -292,6 +293,7 @@ class _Forms:
             "shapeTypes": KINDS[shape.kind],
             "halfExtents": [1.0, 1.0, 1.0],
             "radii": 1.0,
+            "lengths": 1.0,
             "fileNames": file,
             "meshScales": [1.0, 1.0, 1.0],
             "planeNormals": [0.0, 0.0, 1.0],
@@ -301,8 +303,9 @@ class _Forms:
         }
         if shape.kind == "box":
             form["halfExtents"] = [size / 2.0 for size in shape.size]
-        elif shape.kind == "sphere":
+        elif shape.kind in ("sphere", "capsule"):
             form["radii"] = max(shape.size[0], MIN_RADIUS)
+            form["lengths"] = shape.size[-1]
         elif shape.kind == "plane":
             form["planeNormals"] = list(shape.size)
         elif shape.kind == "mesh":

@@ -168,6 +168,9 @@ def outline(shape: Shape, meshes: Mapping[str, Mesh]) -> tuple[np.ndarray, float
         return np.zeros((1, 3)), shape.size[0]
     if shape.kind == "box":
         return CORNERS * np.array(shape.size), 0.0
+    if shape.kind == "capsule":
+        radius, length = shape.size
+        return np.array([[0.0, 0.0, -length / 2], [0.0, 0.0, length / 2]]), radius
     if shape.kind == "cylinder":
         return cylinder_points(*shape.size).astype(float), 0.0
     points = np.concatenate(hull_points(meshes[shape.filename]))

@@ -1,8 +1,9 @@
-"""Triangles: binary STL files, and surfaces of spheres and cylinders."""
+"""Triangles: binary STL files, and surfaces of round shapes."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -65,6 +66,23 @@ def cylinder(radius: float, length: float) -> Surface:
     outline += [[radius, top], [0, top]]
     normals = [[0, -1], [0, -1], [1, 0], [1, 0], [0, 1], [0, 1]]
     return _turned(np.array(outline), np.array(normals))
+
+
+def capsule(radius: float, length: float) -> Surface:
+    """Make a capsule about the z axis: a cylinder with half spheres at its ends."""
+    height = np.linspace(0.0, np.pi / 2, AROUND // 4 + 1)
+    top = np.stack([np.cos(height), np.sin(height)], axis=-1)
+    normals = np.concatenate([top[::-1] * [1, -1], top])
+    ends = np.repeat([[0.0, -length / 2], [0.0, length / 2]], len(top), axis=0)
+    return _turned(radius * normals + ends, normals)
+
+
+ROUND: dict[str, Callable[..., Surface]] = {
+    "sphere": sphere,
+    "cylinder": cylinder,
+    "capsule": capsule,
+}
+"""Surfaces of round shapes by their kind, made from their size."""
 
 
 def _turned(outline: np.ndarray, normals: np.ndarray) -> Surface:

@@ -14,7 +14,7 @@ import numpy as np
 from g1_description.bounds import MAX_VALUE
 from g1_description.robot.assembly import SCOPE, WORLD
 from g1_description.robot.description import Description, Joint, Link, Shape
-from g1_description.robot.rotation import axes_to_rpy, cross, from_rpy, multiply
+from g1_description.robot.rotation import axes_to_rpy, from_rpy, from_z, multiply
 from g1_description.robot.transform import IDENTITY
 from g1_description.sim.meshes.hulls import thinned_hulls
 from g1_description.sim.meshes.shapes import Mesh, is_there
@@ -196,7 +196,7 @@ class WorldFile:
         forms = [f'type="{shape.kind}" size="{_size(shape)}"']
         quaternion = shape.pose[3:]
         if shape.kind == "plane":
-            quaternion = multiply(quaternion, _from_z(np.array(shape.size)))
+            quaternion = multiply(quaternion, from_z(np.array(shape.size)))
             forms = ['type="plane" size="0 0 1"']
         elif shape.kind == "mesh":
             names = self._hulls(shape, meshes[shape.filename])
@@ -270,19 +270,10 @@ def _thick(points: np.ndarray) -> np.ndarray:
 
 def _size(shape: Shape) -> str:
     """Write the size of a shape: half of the sides."""
-    halves = {"box": (0.5,) * 3, "cylinder": (1.0, 0.5), "sphere": (1.0,)}
+    long = (1.0, 0.5)
+    halves = {"box": (0.5,) * 3, "cylinder": long, "capsule": long, "sphere": (1.0,)}
     factors = halves.get(shape.kind, ())
     return _row([max(f * size, MIN_SIZE) for f, size in zip(factors, shape.size)])
-
-
-def _from_z(normal: np.ndarray) -> np.ndarray:
-    """Compute a rotation that turns the z axis to a normal, as a quaternion."""
-    z = np.array([0.0, 0.0, 1.0])
-    unit = normal / np.linalg.norm(normal)
-    if unit @ z < -1.0 + 1e-12:
-        return np.array([1.0, 0.0, 0.0, 0.0])
-    quaternion = np.append(cross(z, unit), 1.0 + unit @ z)
-    return np.asarray(quaternion / np.linalg.norm(quaternion))
 
 
 def _row(numbers: Iterable[float] | Sequence[float]) -> str:
