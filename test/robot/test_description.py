@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from oracle import angle_of
+from scipy.spatial.transform import Rotation
 
 from g1_description.errors import DescriptionError
 from g1_description.robot.lumping import lump_fixed_joints
@@ -240,6 +242,41 @@ def test_of_two_the_first_counts_as_for_urdfdom():
     shapes = '<geometry><sphere radius="1"/><box size="1 1 1"/></geometry>'
     text = robot(f'<link name="a"><collision>{shapes}</collision></link>')
     assert parse_urdf(text).links[0].collisions[0].kind == "sphere"
+
+
+def test_a_shape_that_is_not_urdf_is_all_that_a_link_loses():
+    """As in SDF; the colours stay with their shapes."""
+    red = '<material name="red"><color rgba="1 0 0 1"/></material>'
+    inside = (
+        f'<visual><geometry><ellipsoid radii="1 2 3"/></geometry></visual>'
+        f"<visual>{SHAPE}{red}</visual><collision><geometry><plane/></geometry>"
+        "</collision><collision><geometry><capsule radius='2' length='3'/></geometry>"
+        "</collision>"
+    )
+    found = parse_urdf(robot(f'<link name="a">{inside}</link>'))
+    (link,) = found.links
+    assert [(s.kind, s.color) for s in link.visuals] == [("sphere", (1, 0, 0, 1))]
+    assert [(s.kind, s.size) for s in link.collisions] == [("capsule", (2.0, 3.0))]
+    assert found.unread == lump_fixed_joints(found).left_out[:1]
+    assert found.unread == (
+        "unsupported shapes: ellipsoid in visual of link a, plane in collision of "
+        "link a",
+    )
+
+
+def test_attributes_without_effect_are_named():
+    inside = (
+        '<origin rpy="0 0 1" quat_xyzw="0 0 0 1"/>'
+        '<limit effort="1" velocity="1" acceleration="9"/>'
+    )
+    text = robot(A_B + joint(inside=inside)).replace("<robot", '<robot by="me" x:y="z"')
+    found = parse_urdf(text)
+    assert found.unread == (
+        "unsupported attributes: by of the robot, quat_xyzw of joint ab, acceleration "
+        "of joint ab",
+    )
+    turned = Rotation.from_quat(found.joints[0].pose[3:])
+    assert angle_of(turned) == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("kind", ["fixed", "floating"])

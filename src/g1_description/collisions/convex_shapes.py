@@ -46,7 +46,7 @@ def robot_shapes(
     Returns:
         In the order of the links: boxes, cylinders (as prisms) and meshes as convex
         hulls, with a hull for each part of a collision mesh; spheres and capsules
-        exactly. Planes are ignored. And a message for each mesh that cannot be read.
+        exactly. Planes are ignored. And messages on what cannot be read.
     """
     links = posed_links(description)
     used = [
@@ -61,7 +61,7 @@ def robot_shapes(
     found = []
     for row, (link, shapes) in enumerate(zip(links, used)):
         found += _convex(row, shapes, meshes, is_split=bool(link.collisions))
-    return tuple(found), left_out
+    return tuple(found), (*description.unread, *left_out)
 
 
 def posed_links(description: Description) -> list[Link]:

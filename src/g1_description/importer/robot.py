@@ -108,7 +108,8 @@ def open_robot(model: ModelText) -> ImportedRobot:
             references.append(
                 Reference(element, f"{whose} {name}", path, kind == "collision")
             )
-    return ImportedRobot(model.path, description, root, references, changes)
+    findings = [f"{text[0].upper()}{text[1:]}." for text in description.unread]
+    return ImportedRobot(model.path, description, root, references, changes, findings)
 
 
 def _owner(element: etree._Element) -> tuple[str, str]:

@@ -56,8 +56,7 @@ def link_patches(
         solid: Whether to use collision shapes instead of visual ones.
 
     Returns:
-        One patch per colour by link name, and a message for each mesh that cannot be
-        used.
+        One patch per colour by link name, and messages on what cannot be used.
     """
     shapes = {
         link.name: link.collisions if solid else link.visuals for link in robot.links
@@ -72,7 +71,8 @@ def link_patches(
         )
         for link, some in shapes.items()
     }
-    return {link: some for link, some in patches.items() if some}, left_out
+    kept = {link: some for link, some in patches.items() if some}
+    return kept, (*robot.unread, *left_out)
 
 
 def _looks(shape: Shape, mesh: Mesh | None) -> list[tuple[np.ndarray, Color]]:

@@ -168,7 +168,7 @@ class Scene:
             description: The robot; fixed links may be lumped.
 
         Returns:
-            The robot's number, from 0, and a message for each mesh that cannot be used.
+            The robot's number, from 0, and messages on what of it cannot be used.
         """
         pieces, refused = [], []
         shapes = [
@@ -191,7 +191,7 @@ class Scene:
         )
         number = len(self._robots) - 1
         self.place(number, IDENTITY, {})
-        return number, (*left_out, *dict.fromkeys(refused))
+        return number, (*description.unread, *left_out, *dict.fromkeys(refused))
 
     def place(
         self, robot: int, T_world_root: np.ndarray, positions: Mapping[str, float]

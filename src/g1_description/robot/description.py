@@ -156,6 +156,9 @@ class Description:
     static: bool = False
     """Whether the file declares it static."""
 
+    unread: tuple[str, ...] = ()
+    """Messages on ignored shapes and attributes of the file."""
+
     left_out: tuple[str, ...] = ()
     """Messages on ignored elements for simulators."""
 

@@ -142,6 +142,7 @@ def lump_fixed_joints(description: Description, is_dynamic: bool = True) -> Asse
         static=description.static,
         lumped={link: body for link, (body, _) in frames.items() if link != body},
         left_out=(
+            *description.unread,
             *description.left_out,
             *_mass_clauses(description, frames, massless, is_dynamic),
             *(

@@ -29,6 +29,7 @@ from g1_description.robot.description import (
 from g1_description.robot.rotation import from_rpy, to_axes
 from g1_description.robot.tree import one_root
 from g1_description.robot.urdf_extensions import Extensions, read_extensions
+from g1_description.text import listed
 
 
 def named_colors(robot: etree._Element) -> dict[str, tuple[float, ...] | None]:
@@ -99,26 +100,59 @@ _PARTS = {
 }
 """Children of elements that urdfdom reads."""
 
+_ATTRIBUTES = {
+    "robot": ("name", "version"),
+    "link": ("name",),
+    "joint": ("name", "type", "dont_collapse"),
+    "visual": ("name",),
+    "collision": ("name",),
+    "origin": ("xyz", "rpy"),
+    "mass": ("value",),
+    "inertia": ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"),
+    "box": ("size",),
+    "cylinder": ("radius", "length"),
+    "capsule": ("radius", "length"),
+    "sphere": ("radius",),
+    "mesh": ("filename", "scale"),
+    "parent": ("link",),
+    "child": ("link",),
+    "axis": ("xyz",),
+    "limit": ("lower", "upper", "effort", "velocity"),
+    "dynamics": ("damping", "friction"),
+    "mimic": ("joint", "multiplier", "offset"),
+    "safety_controller": (
+        "k_position",
+        "k_velocity",
+        "soft_lower_limit",
+        "soft_upper_limit",
+    ),
+    "calibration": ("rising", "falling", "reference_position"),
+}
+"""Attributes of elements that urdfdom reads, and one of Isaac's for fixed joints."""
+
 _WITHOUT_AXIS = ("fixed", "floating")
 """Types of joints without an axis."""
 
 
-def keep_parts(robot: etree._Element) -> None:
+def _keep_parts(robot: etree._Element) -> tuple[str, ...]:
     """Remove everything but links and joints from a robot element.
 
-    Args:
-        robot: The element; materials are removed, too.
+    Materials are removed, too. Return a message on attributes that have no effect.
     """
-    name = robot.get("name", "")
-    robot.attrib.clear()
-    robot.set("name", name)
+    unread = []
     waiting = [robot]
     for element in waiting:
-        for key in [key for key in element.attrib if ":" in key]:
-            del element.attrib[key]  # from another format; its prefix may be undeclared
+        known = _ATTRIBUTES.get(element.tag, ())
+        for key in [key for key in element.attrib if key not in known]:
+            del element.attrib[key]
+            if ":" not in key:  # else from another format; its prefix may be undeclared
+                unread.append(f"{key} of {_owner(element)}")
         for child in _surplus(element):
             element.remove(child)
         waiting.extend(element)
+    robot.attrib.pop("version", None)
+    robot.set("name", robot.get("name", ""))
+    return (f"unsupported attributes: {listed(unread)}",) if unread else ()
 
 
 def _surplus(element: etree._Element) -> list[etree._Element]:
@@ -157,7 +191,7 @@ _GEOMETRY = xml_reflection.value_types["urdf.geometric"].factory.typeMap
 _GEOMETRY["capsule"] = _Capsule
 
 _LOGGER = logging.getLogger(__name__)
-# Unknown attributes are not printed to stderr.
+# Unknown elements are not printed to stderr.
 xml_reflection.on_error = _LOGGER.debug
 
 
@@ -169,7 +203,8 @@ def parse_urdf(text: str) -> Description:
 
     Returns:
         The robot: one tree with unit axes and ordered limits, infinite where those of
-        the file are not ordered. Its name is empty if the file has none.
+        the file are not ordered. Its name is empty if the file has none. Versions 1.0
+        and 1.1 are known; others are read as the latter.
 
     Raises:
         DescriptionError: If the text is too large, not XML, not URDF, or not one tree.
@@ -207,9 +242,10 @@ def _description(element: etree._Element) -> Description:
             "not <robot>."
         )
     named = named_colors(element)
-    colors = [tuple(visual_colors(link, named)) for link in element.findall("link")]
     extensions = read_extensions(element)
-    keep_parts(element)
+    shapes = _remove_unsupported_shapes(element)
+    colors = [tuple(visual_colors(link, named)) for link in element.findall("link")]
+    attributes = _keep_parts(element)
     try:
         robot = urdf.URDF.from_xml_string(etree.tostring(element, encoding="utf-8"))
     except UNREADABLE as error:
@@ -228,8 +264,37 @@ def _description(element: etree._Element) -> Description:
         links=links,
         joints=joints,
         static=extensions.static,
+        unread=(*shapes, *attributes),
         left_out=extensions.left_out,
     )
+
+
+def _shapes(robot: etree._Element) -> Iterator[tuple[etree._Element, etree._Element]]:
+    """Yield each visual and collision that has a geometry, and the shape in that."""
+    for tag in ("visual", "collision"):
+        for element in robot.findall(f"link/{tag}"):
+            shape = element.find("geometry/*")
+            if shape is not None:
+                yield element, shape
+
+
+def _remove_unsupported_shapes(robot: etree._Element) -> tuple[str, ...]:
+    """Remove visuals and collisions of unknown shapes; return a message on them."""
+    removed = []
+    for element, shape in [*_shapes(robot)]:
+        if shape.tag not in _GEOMETRY:
+            link = element.getparent()
+            removed.append(f"{shape.tag} in {element.tag} of {_owner(link)}")
+            link.remove(element)
+    return (f"unsupported shapes: {listed(removed)}",) if removed else ()
+
+
+def _owner(element: etree._Element) -> str:
+    """Name the link or joint of an element, else the robot."""
+    for part in (element, *element.iterancestors()):
+        if part.tag in ("link", "joint"):
+            return f"{part.tag} {part.get('name', '')}"
+    return "the robot"
 
 
 def _is_urdf(robot: etree._Element) -> bool:
