@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from oracle import angle_of
+from oracle import angle_of, matrix_of
 from scipy.spatial.transform import Rotation
 
 from g1_description.errors import DescriptionError
@@ -193,6 +193,10 @@ def test_a_shape_has_the_colour_of_its_material_or_none(material, color):
 
 
 SHAPE = '<geometry><sphere radius="1"/></geometry>'
+MASSES = (
+    '<inertial>{}<mass value="2"/>'
+    '<inertia ixx="1" iyy="2" izz="3" ixy="0" ixz="0" iyz="0"/></inertial>'
+)
 
 
 @pytest.mark.parametrize(
@@ -262,6 +266,38 @@ def test_a_shape_that_is_not_urdf_is_all_that_a_link_loses():
         "unsupported shapes: ellipsoid in visual of link a, plane in collision of "
         "link a",
     )
+
+
+@pytest.mark.parametrize("version", ["", ' version="1.1"'])
+def test_the_quaternion_of_an_origin_is_read(version):
+    origin = '<origin xyz="1 2 3" quat_xyzw="0.2 -0.4 1 0.6"/>'
+    inside = f"<collision>{origin}{SHAPE}</collision>{MASSES.format(origin)}"
+    text = robot(f'<link name="a">{inside}</link><link name="b"/>')
+    text = text.replace("</robot>", f"{joint('fixed', inside=origin)}</robot>")
+    found = parse_urdf(text.replace('"r"', f'"r"{version}'))
+    turned = Rotation.from_quat([0.2, -0.4, 1.0, 0.6])
+    for pose in (found.joints[0].pose, found.links[0].collisions[0].pose):
+        np.testing.assert_array_equal(pose[:3], [1, 2, 3])
+        assert angle_of(Rotation.from_quat(pose[3:]).inv() * turned) < 1e-9
+    axes = matrix_of(turned)
+    np.testing.assert_allclose(
+        found.links[0].inertial.inertia, axes @ np.diag([1, 2, 3]) @ axes.T, atol=1e-12
+    )
+    assert found.unread == ()
+
+
+@pytest.mark.parametrize(
+    ("attribute", "words"),
+    [
+        ("1 0 0", "quat_xyzw of joint ab must have 4 numbers"),
+        ("0 0 0 0", "quat_xyzw of joint ab must not be zero"),
+        ("0 0 x 1", "quat_xyzw of joint ab must be a number"),
+    ],
+)
+def test_a_quaternion_that_is_none_is_refused_with_its_place(attribute, words):
+    origin = f'<origin quat_xyzw="{attribute}"/>'
+    with pytest.raises(DescriptionError, match=words):
+        parse_urdf(robot(A_B + joint("fixed", inside=origin)))
 
 
 def test_attributes_without_effect_are_named():

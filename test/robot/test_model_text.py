@@ -294,6 +294,42 @@ def test_what_is_near_is_left_out_where_it_may_not_be_read(write, mode):
         folder.chmod(0o700)
 
 
+NEWER = """<robot name="r" version="1.1"><link name="a">
+<visual><geometry><ellipsoid radii="1 1 2"/></geometry></visual>
+<visual name="v"><origin xyz="1 2 3" quat_xyzw="0 0.6 0 0.8"/>
+<geometry><capsule radius="0.1" length="0.5"/></geometry></visual>
+<collision><geometry><capsule radius="0.2" length="0.4"/></geometry></collision>
+</link><link name="b"/><joint name="j" type="fixed"><parent link="a"/><child link="b"/>
+<origin xyz="0 0 1" quat_xyzw="0.6 0 0 0.8"/></joint></robot>"""
+
+
+def test_a_launch_file_passes_on_what_urdfdom_reads(write, monkeypatch, capfd):
+    """Pinocchio reads with urdfdom, of a version that knows URDF 1.0 only."""
+    pinocchio = pytest.importorskip("pinocchio")
+    file = write("r.urdf", NEWER)
+    monkeypatch.setattr(sys, "argv", ["absolute_urdf", str(file)])
+    launched_robot.main()
+    text, said = capfd.readouterr()
+    assert said == "r: unsupported shapes: ellipsoid in visual of link a\n"
+    model = pinocchio.buildModelFromXML(text)
+    turned = model.frames[model.getFrameId("b")].placement
+    np.testing.assert_allclose(turned.rotation[:, 1], [0, 0.28, 0.96], atol=1e-12)
+    drawn, solid = (
+        pinocchio.buildGeomFromUrdfString(model, text, kind).geometryObjects
+        for kind in (pinocchio.VISUAL, pinocchio.COLLISION)
+    )
+    for shapes, center, along, radius in (
+        (drawn, [1, 2, 3], [0.24, 0, 0.07], 0.1),
+        (solid, [0, 0, 0], [0, 0, 0.2], 0.2),
+    ):
+        rod, *balls = (shape.geometry for shape in shapes)
+        assert [rod.radius, *(ball.radius for ball in balls)] == [radius] * 3
+        assert 2.0 * rod.halfLength == pytest.approx(2.0 * np.linalg.norm(along))
+        wanted = np.array(center) + np.outer([0, 1, -1], along)
+        places = [shape.placement.translation for shape in shapes]
+        np.testing.assert_allclose(places, wanted, atol=1e-12)
+
+
 def test_the_command_prints_the_robot_or_one_sentence(write, monkeypatch, capfd):
     file = write("r.urdf", ROBOT.replace('"a"', '"ä"'))
     monkeypatch.setattr(sys, "argv", ["absolute_urdf", str(file)])

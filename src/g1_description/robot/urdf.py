@@ -5,6 +5,7 @@ This is the only module that reads URDF, with urdf_parser_py.
 
 from __future__ import annotations
 
+import copy
 import logging
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -26,9 +27,10 @@ from g1_description.robot.description import (
     Link,
     Shape,
 )
-from g1_description.robot.rotation import from_rpy, to_axes
+from g1_description.robot.rotation import axes_to_rpy, from_rpy, rotate, to_axes
 from g1_description.robot.tree import one_root
 from g1_description.robot.urdf_extensions import Extensions, read_extensions
+from g1_description.robot.xml_values import numbers, unit
 from g1_description.text import listed
 
 
@@ -245,6 +247,7 @@ def _description(element: etree._Element) -> Description:
     extensions = read_extensions(element)
     shapes = _remove_unsupported_shapes(element)
     colors = [tuple(visual_colors(link, named)) for link in element.findall("link")]
+    _write_rpy(element)
     attributes = _keep_parts(element)
     try:
         robot = urdf.URDF.from_xml_string(etree.tostring(element, encoding="utf-8"))
@@ -295,6 +298,66 @@ def _owner(element: etree._Element) -> str:
         if part.tag in ("link", "joint"):
             return f"{part.tag} {part.get('name', '')}"
     return "the robot"
+
+
+def _write_rpy(robot: etree._Element) -> None:
+    """Replace ``quat_xyzw`` of URDF 1.1 by ``rpy``, unless that is given, too."""
+    for path in ("link/*/origin", "joint/origin"):
+        for origin in robot.iterfind(path):
+            if "quat_xyzw" not in origin.attrib or "rpy" in origin.attrib:
+                continue
+            what = f"quat_xyzw of {_owner(origin)}"
+            values = numbers(what, origin.attrib.pop("quat_xyzw"), 4, least=4)
+            quaternion = unit(what, checked(f"the {what}", values))
+            origin.set("rpy", _row(axes_to_rpy(to_axes(quaternion))))
+
+
+def _row(values: np.ndarray) -> str:
+    """Write numbers that are read back to the last bit."""
+    return " ".join(map(repr, values.tolist()))
+
+
+def as_version_1_0(text: str) -> str:
+    """Rewrite a URDF for readers of version 1.0, such as those of ROS 1.
+
+    ``quat_xyzw`` becomes ``rpy``, and a capsule a cylinder and two spheres. Unsupported
+    shapes are removed, as urdfdom reads no shape after them. Everything else is
+    unchanged.
+
+    Args:
+        text: URDF as XML text that ``parse_urdf`` reads.
+    """
+    robot = parse_xml("robot description", text, keep_comments=True)
+    if robot.get("version"):
+        robot.set("version", "1.0")
+    _remove_unsupported_shapes(robot)
+    _write_rpy(robot)
+    for element, shape in [*_shapes(robot)]:
+        if shape.tag == "capsule":
+            _split(element, shape)
+    return etree.tostring(robot, encoding="unicode")
+
+
+def _split(element: etree._Element, capsule: etree._Element) -> None:
+    """Turn the capsule of a visual or collision into a cylinder and two spheres."""
+    origin = element.find("origin")
+    origin = etree.Element("origin") if origin is None else origin
+    xyz, rpy = (
+        np.array(origin.get(key, "0 0 0").split(), dtype=float)
+        for key in ("xyz", "rpy")
+    )
+    radius, length = capsule.get("radius", ""), float(capsule.get("length", ""))
+    for height in (-length / 2, length / 2):
+        end = copy.deepcopy(element)
+        end.attrib.clear()  # a name would be there twice
+        for old in end.findall("origin"):
+            end.remove(old)
+        place = xyz + rotate(from_rpy(rpy), np.array([0.0, 0.0, height]))
+        end.insert(0, etree.Element("origin", xyz=_row(place)))
+        ball = etree.Element("sphere", radius=radius)
+        end.find("geometry").replace(end.find("geometry/*"), ball)
+        element.addnext(end)
+    capsule.tag = "cylinder"
 
 
 def _is_urdf(robot: etree._Element) -> bool:

@@ -37,6 +37,7 @@ from g1_description.robot.launch_arguments import (
 from g1_description.robot.load import read_absolute
 from g1_description.robot.poses import ZERO, check_pose, find_pose, read_poses
 from g1_description.robot.profile import DEFAULT, find_profile
+from g1_description.robot.urdf import as_version_1_0
 from g1_description.text import listed, similar_first
 
 SWITCHED = (("web", "web"), ("checker", "checks"), ("interactive", "interactive"))
@@ -61,7 +62,7 @@ def launched_robot(model: str | None, given: dict[str, str], nodes: list[str]) -
         nodes: Nodes of the launch file, which must not be running.
 
     Returns:
-        URDF text with absolute mesh URIs; empty without a model.
+        URDF 1.0 with absolute mesh URIs; empty without a model.
 
     Raises:
         G1DescriptionError: If the robot or a value is invalid, or one of the nodes is
@@ -105,7 +106,9 @@ def _checked_text(model: str, given: dict[str, str]) -> str:
         )
     if given.get("base") and given.get("root"):
         _check_root(given["root"], robot)
-    return found.text
+    for message in robot.unread:
+        print(f"{robot.name}: {message}", file=sys.stderr)
+    return as_version_1_0(found.text)
 
 
 def _check_for_node(name: str, words: list[str]) -> None:
