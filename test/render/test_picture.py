@@ -94,11 +94,10 @@ def test_every_triangle_of_a_mesh_is_drawn(monkeypatch, batch):
     monkeypatch.setattr(scenes, "BATCH_SIZE", batch)
     corners = np.random.default_rng(1).normal(size=(7, 3, 3))
     part = Part(corners, np.ones_like(corners), None)
-    forms = [*scenes._triangles(part, np.array([1.0, 2.0, 0.5]))]
+    forms = [*scenes._triangles(part)]
     drawn = [np.array(form["vertices"])[form["indices"]] for form in forms]
     assert max(len(vertices) for vertices in drawn) <= 3 * batch
-    wanted = (corners * [1.0, 2.0, 0.5]).reshape(-1, 3)
-    np.testing.assert_array_equal(np.concatenate(drawn), wanted)
+    np.testing.assert_array_equal(np.concatenate(drawn), corners.reshape(-1, 3))
 
 
 def test_a_perspective_outline_has_the_area_of_the_cone(scene):

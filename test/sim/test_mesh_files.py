@@ -284,6 +284,28 @@ def test_an_stl_without_normals_is_lit_as_with_them(tmp_path):
         assert np.abs(picture - pictures[0]).max() <= 3, name
 
 
+@pytest.mark.parametrize("kind", ["stl", "obj"])
+@pytest.mark.parametrize("scale", [(1, -1, 1), (-2, 1, 0.5), (-1, -1, -1), (-1, 1, -1)])
+def test_a_mirrored_mesh_is_drawn_as_what_it_becomes(tmp_path, kind, scale):
+    """Not as what is seen from within."""
+    points = [(0, 0, 0), (0.8, 0, 0), (0, 0.6, 0), (0.2, 0.2, 0.4), (0.6, 0.4, 1)]
+    solid = trimesh.convex.convex_hull(np.array(points, dtype=float))
+    (tmp_path / "solid.stl").write_bytes(solid.export(file_type="stl"))
+    text = solid.export(file_type="obj", include_normals=False)
+    (tmp_path / "solid.obj").write_text(text)
+    turn = 1 if np.prod(scale) > 0 else -1
+    image = trimesh.Trimesh(solid.vertices * scale, solid.faces[:, ::turn])
+    image.export(tmp_path / "image.stl")
+    drawn = []
+    for name, size in ((f"solid.{kind}", scale), ("image.stl", (1, 1, 1))):
+        text = body(f"file://{tmp_path / name}", scale="{} {} {}".format(*size))
+        with Scene() as scene:
+            assert scene.add(parse_urdf(text)) == (0, ())
+            drawn.append(draw(scene, FRONT, 100, 100).astype(int))
+    differs = np.abs(drawn[0] - drawn[1]).max(axis=2) > 3
+    assert differs.sum() < 10  # on edges
+
+
 def test_a_triangle_without_area_needs_no_normal(tmp_path, counted):
     """Programs write zero for it; such a file is read at once, by no process."""
     flat = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]])

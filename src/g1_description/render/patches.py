@@ -10,8 +10,13 @@ import numpy as np
 
 from g1_description.robot.description import Description, Shape
 from g1_description.robot.rotation import rotate
-from g1_description.sim.meshes.shapes import Mesh, find_meshes, is_there
-from g1_description.sim.meshes.stl import ROUND, read_stl
+from g1_description.sim.meshes.shapes import (
+    Mesh,
+    find_meshes,
+    is_there,
+    scaled_parts,
+)
+from g1_description.sim.meshes.stl import ROUND
 
 GREY = (0.7, 0.7, 0.7, 1.0)
 """Colour of a shape where its file gives none."""
@@ -84,14 +89,9 @@ def _looks(shape: Shape, mesh: Mesh | None) -> list[tuple[np.ndarray, Color]]:
     color = shape.color or GREY
     if mesh is None:
         looks = [(_primitive(shape), color)]
-    elif mesh.parts:
-        looks = [(part.corners, part.color or color) for part in mesh.parts]
     else:
-        looks = [(read_stl(mesh.path.read_bytes()), color)]
-    if mesh is not None:
-        scale = np.array(shape.size)
-        turn = 1 if np.prod(scale) > 0 else -1
-        looks = [((corners * scale)[:, ::turn], look) for corners, look in looks]
+        parts = scaled_parts(mesh, shape.size)
+        looks = [(part.corners, part.color or color) for part in parts]
     return [
         (rotate(shape.pose[3:], corners) + shape.pose[:3], look)
         for corners, look in looks

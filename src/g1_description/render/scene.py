@@ -18,7 +18,7 @@ from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.transform import IDENTITY, compose
 from g1_description.sim.bullet.client import BulletClient, connect, pybullet
 from g1_description.sim.meshes.contents import Part
-from g1_description.sim.meshes.shapes import Mesh, find_meshes, is_there
+from g1_description.sim.meshes.shapes import Mesh, find_meshes, is_there, scaled_parts
 from g1_description.sim.meshes.stl import ROUND
 
 BATCH_SIZE = 40_000
@@ -45,12 +45,14 @@ def load_visual(
     color = list(shape.color or GREY)
     kind = pybullet.GEOM_BOX if shape.kind == "box" else pybullet.GEOM_MESH
     looks = [(_primitive(shape), color)]
-    if mesh is not None:
+    if mesh is not None and (mesh.parts or min(shape.size) <= 0):
         looks = [
             (form, list(part.color or color))
-            for part in by_color(mesh.parts)
-            for form in _triangles(part, np.array(shape.size))
-        ] or [({"fileName": str(mesh.path), "meshScale": list(shape.size)}, color)]
+            for part in by_color(scaled_parts(mesh, shape.size))
+            for form in _triangles(part)
+        ]
+    elif mesh is not None:  # PyBullet mirrors neither the order of corners nor normals
+        looks = [({"fileName": str(mesh.path), "meshScale": list(shape.size)}, color)]
     try:
         return [_body(client, kind, *look) for look in looks], ""
     except pybullet.error:
@@ -79,23 +81,15 @@ def _body(
     return int(client.createMultiBody(0.0, box, visual))
 
 
-def _triangles(part: Part, scale: np.ndarray) -> Iterator[dict[str, object]]:
-    """Convert a part to PyBullet's arguments, ``BATCH_SIZE`` triangles at a time.
-
-    A negative scale, shape (3,), mirrors it.
-    """
-    turn = 1 if np.prod(scale) > 0 else -1
-    with np.errstate(all="ignore"):
-        normals = part.normals / scale
-        normals /= np.linalg.norm(normals, axis=2, keepdims=True)
-    corners = (part.corners * scale)[:, ::turn]
-    normals = np.nan_to_num(normals)[:, ::turn]
-    for first in range(0, len(corners), BATCH_SIZE):
+def _triangles(part: Part) -> Iterator[dict[str, object]]:
+    """Convert a part to PyBullet's arguments, ``BATCH_SIZE`` triangles at a time."""
+    for first in range(0, len(part.corners), BATCH_SIZE):
         some = slice(first, first + BATCH_SIZE)
+        corners = part.corners[some].reshape(-1, 3)
         yield {
-            "vertices": corners[some].reshape(-1, 3).tolist(),
-            "normals": normals[some].reshape(-1, 3).tolist(),
-            "indices": list(range(corners[some].size // 3)),
+            "vertices": corners.tolist(),
+            "normals": part.normals[some].reshape(-1, 3).tolist(),
+            "indices": list(range(len(corners))),
         }
 
 

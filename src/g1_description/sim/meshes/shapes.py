@@ -6,7 +6,7 @@ files are read with assimp, as in RViz, in a child process.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -69,6 +69,34 @@ def find_meshes(shapes: Iterable[Shape]) -> tuple[dict[str, Mesh], tuple[str, ..
         else:
             found[name] = mesh
     return found, tuple(left_out)
+
+
+def scaled_parts(mesh: Mesh, scale: Sequence[float]) -> list[Part]:
+    """Read the triangles of a mesh, to be drawn at a scale.
+
+    Args:
+        mesh: The mesh.
+        scale: Along x, y and z; negative ones mirror it.
+
+    Returns:
+        Its parts, with normals of length 1 or 0. Their triangles are anticlockwise seen
+        from outside, as those of the mesh.
+    """
+    parts = mesh.parts
+    if not parts:
+        records = np.fromfile(str(mesh.path), RECORD, offset=HEAD)
+        normals = np.repeat(records["normal"][:, np.newaxis], 3, axis=1)
+        parts = (Part(records["corners"], normals, None),)
+    factors = np.array(scale)
+    turn = 1 if np.prod(factors) > 0 else -1
+    found = []
+    for part in parts:
+        with np.errstate(all="ignore"):
+            normals = part.normals / factors
+            normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+        corners = (part.corners * factors)[:, ::turn]
+        found.append(Part(corners, np.nan_to_num(normals)[:, ::turn], part.color))
+    return found
 
 
 def is_there(shape: Shape, meshes: Mapping[str, Mesh]) -> bool:
