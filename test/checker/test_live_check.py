@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import genpy
 import numpy as np
 import pytest
 
+from g1_description.checker.markers import KINDS, MarkerMaker
 from g1_description.checks.checker import Checker
 from g1_description.checks.live import AT_REST, STANDSTILL, LiveCheck
 from g1_description.checks.thresholds import Thresholds
 from g1_description.errors import UnknownNameError
+from g1_description.robot.description import Shape
 from g1_description.robot.load import absolute_urdf
 from g1_description.robot.urdf import parse_urdf
 
@@ -31,6 +34,16 @@ def checker():
 @pytest.fixture
 def live(checker):
     return LiveCheck(checker)
+
+
+def test_rviz_has_no_capsule_and_is_sent_triangles():
+    pose = np.array([1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 1.0])
+    canvas = MarkerMaker("a", genpy.Time())
+    canvas.shape("n", Shape("capsule", (0.1, 0.6), pose), (1.0, 0.0, 0.0), 0.5)
+    (marker,) = canvas.markers
+    corners = np.array([[point.x, point.y, point.z] for point in marker.points])
+    assert marker.type == KINDS["capsule"] and marker.pose.position.z == 3.0
+    assert np.ptp(corners, axis=0) == pytest.approx([0.2, 0.2, 0.8])
 
 
 def moved(base, distance):

@@ -173,7 +173,7 @@ def _surplus(element: etree._Element) -> list[etree._Element]:
     return surplus
 
 
-# An unknown geometry is a plain Exception.
+# Not all are ParseErrors.
 UNREADABLE = Exception
 """Errors of urdf_parser_py on invalid URDF."""
 
