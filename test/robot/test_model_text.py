@@ -311,6 +311,9 @@ def test_a_launch_file_passes_on_what_urdfdom_reads(write, monkeypatch, capfd):
     launched_robot.main()
     text, said = capfd.readouterr()
     assert said == "r: unsupported shapes: ellipsoid in visual of link a\n"
+    copy = open_robot(read_model(str(file)))
+    assert repr(parse_urdf(copy.text().decode())) == repr(parse_urdf(text))
+    assert copy.changes and copy.findings == [f"U{said[4:-1]}."]
     model = pinocchio.buildModelFromXML(text)
     turned = model.frames[model.getFrameId("b")].placement
     np.testing.assert_allclose(turned.rotation[:, 1], [0, 0.28, 0.96], atol=1e-12)

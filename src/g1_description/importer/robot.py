@@ -12,6 +12,7 @@ from g1_description.files.uris import find_file, give_names
 from g1_description.files.xml import parse_xml
 from g1_description.robot.description import Description
 from g1_description.robot.load import ModelText
+from g1_description.robot.urdf import make_version_1_0
 
 
 @dataclass
@@ -97,6 +98,13 @@ def open_robot(model: ModelText) -> ImportedRobot:
     """
     root = parse_xml("robot description", model.text, keep_comments=True)
     changes = give_names(root, model.path.stem)
+    before = etree.tostring(root)
+    make_version_1_0(root)
+    if etree.tostring(root) != before:
+        changes.append(
+            "The robot became URDF 1.0, which ROS 1 reads, with rpy instead of "
+            "quat_xyzw, and a cylinder and two spheres instead of each capsule."
+        )
     description = replace(model.description, name=root.get("name"))
     folder = model.path.parent
     references = []

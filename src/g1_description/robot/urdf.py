@@ -318,16 +318,22 @@ def _row(values: np.ndarray) -> str:
 
 
 def as_version_1_0(text: str) -> str:
-    """Rewrite a URDF for readers of version 1.0, such as those of ROS 1.
+    """Return a URDF, as XML text that ``parse_urdf`` reads, as version 1.0."""
+    robot = parse_xml("robot description", text, keep_comments=True)
+    make_version_1_0(robot)
+    return etree.tostring(robot, encoding="unicode")
+
+
+def make_version_1_0(robot: etree._Element) -> None:
+    """Rewrite a robot for readers of URDF 1.0, such as those of ROS 1.
 
     ``quat_xyzw`` becomes ``rpy``, and a capsule a cylinder and two spheres. Unsupported
     shapes are removed, as urdfdom reads no shape after them. Everything else is
     unchanged.
 
     Args:
-        text: URDF as XML text that ``parse_urdf`` reads.
+        robot: The robot element of a URDF that ``parse_urdf`` reads.
     """
-    robot = parse_xml("robot description", text, keep_comments=True)
     if robot.get("version"):
         robot.set("version", "1.0")
     _remove_unsupported_shapes(robot)
@@ -335,7 +341,6 @@ def as_version_1_0(text: str) -> str:
     for element, shape in [*_shapes(robot)]:
         if shape.tag == "capsule":
             _split(element, shape)
-    return etree.tostring(robot, encoding="unicode")
 
 
 def _split(element: etree._Element, capsule: etree._Element) -> None:
