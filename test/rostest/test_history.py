@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import rospy
-from g1_description.msg import RobotState, RobotTrajectory
+from g1_description.msg import RobotState as RobotStateMessage
+from g1_description.msg import RobotTrajectory
 from g1_description.srv import GetHistory, PlayMotion, SaveHistory
 from genpy import Time
 from geometry_msgs.msg import PoseStamped
@@ -26,7 +27,12 @@ from support.ros_testing import (
 from trajectory_msgs.msg import JointTrajectory
 
 from g1_description import Client
+from g1_description.bridge.history import HistoryServices
+from g1_description.bridge.parameters import RobotParameters
+from g1_description.bridge.status import RobotStatus
 from g1_description.motion.files.formats import read_motion
+from g1_description.motion.history import History
+from g1_description.robot.state import RobotState
 from g1_description.robot.urdf import parse_urdf
 from g1_description.ros.conversions import robot_state_from_message
 from g1_description.ros.history import HistoryClient, stretch_from_answer
@@ -41,7 +47,7 @@ class TestHistory(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         step_by(0.005)
-        cls.states = Connected("/robot_state", RobotState, queue_size=None)
+        cls.states = Connected("/robot_state", RobotStateMessage, queue_size=None)
         cls.get = service("/get_history", GetHistory)
         cls.save = service("/save_history", SaveHistory)
         cls.publishers = {
@@ -184,6 +190,30 @@ class TestHistory(unittest.TestCase):
         elbow = same.positions[:, same.joint_names.index(ELBOW)]
         self.assertLess(np.abs(elbow - 0.3).min(), 1e-9)
         self.assertAlmostEqual(elbow[-1], 0.9, 9)
+
+    def test_a_run_that_is_forgotten_meanwhile_is_refused_in_a_sentence(self):
+        class Forgetful(History):
+            """Has so many new runs, whenever it is read, that the older ones go."""
+
+            def stretch(self, *where, **arguments):
+                for stamp in resets:
+                    self.add(RobotState(stamp, (), np.zeros(0)))
+                    self.pack()
+                return super().stretch(*where, **arguments)
+
+        resets = range(1000, 0, -1)
+        history = Forgetful(600.0, max_bytes=100_000)
+        history.add(RobotState(2000, (), np.zeros(0)))
+        status = RobotStatus("forgetful", self.robot, history)
+        HistoryServices(RobotParameters("forgetful", "forgetful"), status)
+        path = str(self.folder / "forgotten.csv")
+        for name, kind, more in (
+            ("get_history", GetHistory, {}),
+            ("save_history", SaveHistory, {"file": path}),
+        ):
+            answer = service(f"/forgetful/{name}", kind)(run=history.run, **more)
+            self.assertFalse(answer.success)
+            self.assertIn("run must be from", answer.status_message)
 
     def bridge(self, namespace, *arguments):
         """Start another bridge, and wait for it."""

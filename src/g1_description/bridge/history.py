@@ -111,18 +111,12 @@ class HistoryServices:
             raise InvalidValueError(
                 "The bridge keeps no history: its parameter ~history is 0."
             )
-        runs = history.runs()
-        if not runs:
+        if not history.runs():
             raise InvalidValueError(f"The bridge has had no state of {name} yet.")
-        run = request.run or max(runs)
-        if run not in runs:
-            raise InvalidValueError(
-                f"run must be from {min(runs)} to {max(runs)}, or 0 (got {run}); "
-                "a bridge that was restarted begins with 1 again."
-            )
+        run = request.run or history.run
+        first, last = self._span(run)
         if not 0.0 <= request.last < np.inf:
             raise InvalidValueError(f"last must be at least 0 s (got {request.last}).")
-        first, last = runs[run]
         begin, end = request.begin.to_nsec() or first, request.end.to_nsec() or last
         if request.last:
             begin, end = max(first, last - round(1e9 * request.last)), last
@@ -133,13 +127,23 @@ class HistoryServices:
             )
         return run, begin, end
 
+    def _span(self, run: int) -> tuple[int, int]:
+        """Return the first and last stamp of a run in [ns]."""
+        runs = self._status.history.runs()
+        if run not in runs:
+            raise InvalidValueError(
+                f"run must be from {min(runs)} to {max(runs)}, or 0 (got {run}); "
+                "a bridge that was restarted begins with 1 again."
+            )
+        return runs[run]
+
     def _stretch(
         self, run: int, begin: int, end: int, most: int, limit: int
     ) -> Stretch:
         """Return states of a range, as ``History.stretch`` does."""
         found = self._status.history.stretch(begin, end, most, limit, run)
         if found is None:
-            first, last = (1e-9 * stamp for stamp in self._status.history.runs()[run])
+            first, last = (1e-9 * stamp for stamp in self._span(run))
             raise InvalidValueError(
                 f"There is no state from {1e-9 * begin:.3f} s to {1e-9 * end:.3f} s; "
                 f"those of run {run} are from {first:.3f} s to {last:.3f} s."
