@@ -11,6 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from g1_description.msg import ModelTrajectory, RobotTrajectory
 from g1_description.srv import SetModelTrajectory, SetModelTrajectoryResponse
 from gazebo_msgs.msg import ModelState
+from gazebo_msgs.srv import GetPhysicsProperties, GetPhysicsPropertiesResponse
 from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import JointState
 from support.bridge.arm import URDF, arm_states, run_clock, shows
@@ -104,6 +105,14 @@ class TestBridgeHealth(unittest.TestCase):
         )
         self.addCleanup(bridge.kill)
         self.wait_for(LINK_STATES, WARN, "no valid message on", bridge=bridge)
+        self.wait_for(JOINTS, WARN, "no link states arrive", bridge=bridge)
+        paused = rospy.Service(
+            "/none/gazebo/get_physics_properties",
+            GetPhysicsProperties,
+            lambda _: GetPhysicsPropertiesResponse(pause=True),
+        )
+        self.addCleanup(paused.shutdown)
+        self.wait_for(LINK_STATES, OK, "paused", bridge=bridge)
         self.wait_for(JOINTS, WARN, "no link states arrive", bridge=bridge)
 
     def test_2_refused_commands_are_a_warning_until_one_is_obeyed(self):

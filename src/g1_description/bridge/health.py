@@ -94,11 +94,9 @@ class BridgeHealth:
                     paused = self._physics().pause
             self._is_paused, self._was_asked = paused, is_silent
 
-    @property
-    def _is_stale(self) -> bool:
-        """Whether no states arrive although the simulator is not paused."""
-        age = self._source.age
-        return age is None or (age > MAX_AGE and not self._is_paused)
+    def _is_silent(self, age: float) -> bool:
+        """Whether states of this age are late although the simulator is not paused."""
+        return age > MAX_AGE and not self._is_paused
 
     def _warn_of_silence(self) -> None:
         """Warn that link states, or the answer to a command, do not arrive."""
@@ -110,7 +108,7 @@ class BridgeHealth:
                 text = "Waiting for /clock; nothing is published until then."
             self._log.warn("silence", text)
         is_known = self._was_asked or (age or 0.0) > MAX_ANSWER_TIME
-        if age is not None and self._is_stale and is_known:
+        if age is not None and self._is_silent(age) and is_known:
             text = f"No valid message on {source.topic} for {age:.0f} s"
             self._log.warn("silence", f"{text}: {self._reason}.")
         waiting = max(robot.commands.waiting for robot in self._robots)
@@ -131,12 +129,11 @@ class BridgeHealth:
         status.add("messages skipped for newer ones", source.skipped)
         if age is not None:
             status.add("age in s", f"{age:.3f}")
-        elif not self._is_paused:
-            status.summary(WARN, f"no valid message on {source.topic}")
-            return status
-        if self._is_stale:
+        if age is not None and self._is_silent(age):
             text = f"no message on {source.topic} for {age:.0f} s: {self._reason}"
             status.summary(WARN, text)
+        elif age is None and not self._is_paused:
+            status.summary(WARN, f"no valid message on {source.topic}")
         elif self._is_paused:
             status.summary(OK, "paused")
         else:
@@ -170,7 +167,8 @@ class BridgeHealth:
         """Report on one robot's joints."""
         state, problems = robot.state, robot.problems
         status.add("listeners to tf_joint_states", robot.tf_listeners)
-        if state is None or problems is None or self._is_stale:
+        age = self._source.age
+        if state is None or problems is None or age is None or self._is_silent(age):
             status.summary(WARN, "no link states arrive")
             return status
         if not problems.is_present:
