@@ -3,7 +3,7 @@
 import subprocess
 import tempfile
 import unittest
-from contextlib import suppress
+from contextlib import closing, suppress
 from pathlib import Path
 
 import numpy as np
@@ -136,6 +136,11 @@ class TestHistory(unittest.TestCase):
             ),
             "the refused one",
         )
+        self.assertEqual(self.get(begin=begin, without_commands=True).commands, [])
+        with closing(HistoryClient("/get_history")) as client:
+            self.assertEqual([*client.part(begin.to_nsec()).commands], [])
+            found = client.part(begin.to_nsec(), with_commands=True).commands
+        self.assertLess(expected, {tuple(one.command) for one in found})
 
     def test_it_is_saved_and_read_as_a_motion(self):
         stamp = self.bend(0.4).header.stamp

@@ -75,7 +75,8 @@ class HistoryServices:
         answer.is_complete = not is_full or newest >= min(end, last)
         if not answer.is_complete:
             end = newest
-        answer.commands = commands_to_messages(history.commands(begin, end, run))
+        if not request.without_commands:
+            answer.commands = commands_to_messages(history.commands(begin, end, run))
         return answer
 
     def _save(self, request: SaveHistoryRequest) -> SaveHistoryResponse:

@@ -13,13 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from g1_description.motion.history_chunks import (
-    MAX_COMMANDS,
-    Chunk,
-    Command,
-    Stretch,
-    joined,
-)
+from g1_description.motion.history_chunks import Chunk, Command, Stretch, joined
 from g1_description.robot.state import RobotState
 
 MAX_BYTES = 60_000_000
@@ -50,6 +44,8 @@ class HistoryPart:
 
     stretch: Stretch
     commands: Sequence[CommandStream]
+    """Empty unless they were requested."""
+
     first_run: int
     """Number of the oldest run that is kept."""
 
@@ -116,7 +112,7 @@ class History:
             efforts = self._early.pop(state.stamp, None)
             if efforts is not None and len(efforts) == len(state.names):
                 state = replace(state, efforts=efforts)
-            chunk.states.append(state)
+            chunk.add(state)
             self._last = state.stamp
 
     def add_efforts(self, stamp: int, efforts: np.ndarray) -> None:
@@ -144,8 +140,8 @@ class History:
     def add_command(self, command: Command) -> None:
         """Add a command at the time of the last state; ignored before the first."""
         with self._lock:
-            if self._chunks and len(self._chunks[-1].commands) < MAX_COMMANDS:
-                self._chunks[-1].commands.append((self._last, command))
+            if self._chunks:
+                self._chunks[-1].add_command(command)
 
     def pack(self) -> None:
         """Compress full chunks, and forget the oldest; to be called by one thread.
@@ -200,7 +196,10 @@ class History:
         Returns:
             The states; None if there are none.
         """
-        chunks = [c for c in self._all_chunks() if c.run == (run or self.run)]
+        if begin == end:  # it may be long before
+            chunks = self._chunks_of(run, 0, end)[-1:]
+        else:
+            chunks = self._chunks_of(run, begin, end)
         each = [chunk.stamps() for chunk in chunks]
         stamps = np.concatenate([np.empty(0, np.int64), *each])
         last = int(np.searchsorted(stamps, end, "right"))
@@ -223,21 +222,28 @@ class History:
 
     def commands(self, begin: int, end: int, run: int = 0) -> list[CommandStream]:
         """Return the commands from a time to another one, in [ns], by their first."""
-        found: list[CommandStream] = []
-        streams: dict[Command, CommandStream] = {}
-        for chunk in self._all_chunks():
-            if chunk.run != (run or self.run):
-                continue
-            for stamp, command in chunk.all_commands():
-                if not begin <= stamp <= end:
-                    continue
-                stream = streams.get(command)
-                if stream is None or stamp - stream.last > MAX_GAP:
-                    stream = streams[command] = CommandStream(stamp, stamp, 0, command)
-                    found.append(stream)
-                stream.last = stamp
-                stream.count += 1
-        return found
+        each: dict[Command, list[np.ndarray]] = {}
+        for chunk in self._chunks_of(run, begin, end):
+            for command, stamps in chunk.commands(begin, end):
+                each.setdefault(command, []).append(stamps)
+        found = []
+        for command, parts in each.items():
+            stamps = np.concatenate(parts)
+            streams = np.split(stamps, np.flatnonzero(np.diff(stamps) > MAX_GAP) + 1)
+            found += [
+                CommandStream(int(own[0]), int(own[-1]), len(own), command)
+                for own in streams
+            ]
+        return sorted(found, key=lambda stream: stream.first)
+
+    def _chunks_of(self, run: int, begin: int, end: int) -> list[Chunk]:
+        """Return the chunks of a run that have a time of a range; 0: the newest run."""
+        run = run or self.run
+        return [
+            chunk
+            for chunk in self._all_chunks()
+            if chunk.run == run and chunk.first <= end and begin <= chunk.last
+        ]
 
     def _all_chunks(self) -> list[Chunk]:
         with self._lock:

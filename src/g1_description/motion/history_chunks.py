@@ -27,6 +27,9 @@ MAX_COMMANDS = 10_000
 OVERHEAD = 2500
 """Bytes of a packed chunk next to its arrays."""
 
+OF_COMMAND = 500
+"""Bytes of one kind of command in a packed chunk next to its arrays."""
+
 _FIELDS = {
     "positions": np.float64,
     "velocities": np.float32,
@@ -186,10 +189,14 @@ class Chunk:
     ) -> None:
         self.run, self.names, self.commanded_names = run, names, commanded_names
         self.states: list[RobotState] = []
-        self.commands: list[tuple[int, Command]] = []
+        self.first = self.last = begin
+        """First and last stamp, once there is a state."""
         self.n_bytes = 0
         self._begin = begin
         """Last stamp of the chunk before it."""
+        self._commands: dict[Command, list[int]] = {}
+        """The stamps of each."""
+        self._n_commands = 0
         self._packed: _Packed | None = None
 
     def has_room_for(self, state: RobotState, run: int) -> bool:
@@ -201,15 +208,17 @@ class Chunk:
             and tuple(state.commanded) == self.commanded_names
         )
 
-    @property
-    def first(self) -> int:
-        """The first stamp."""
-        return int(self.stamps()[0])
+    def add(self, state: RobotState) -> None:
+        """Add the next state."""
+        self.first = self.first if self.states else state.stamp
+        self.states.append(state)
+        self.last = state.stamp
 
-    @property
-    def last(self) -> int:
-        """The last stamp."""
-        return int(self.stamps()[-1])
+    def add_command(self, command: Command) -> None:
+        """Add a command at the time of the last state, unless there are too many."""
+        if self._n_commands < MAX_COMMANDS:
+            self._n_commands += 1
+            self._commands.setdefault(command, []).append(self.last)
 
     @property
     def duration(self) -> int:
@@ -241,36 +250,37 @@ class Chunk:
             self.run, self.stamps()[rows], self.names, self.commanded_names, **found
         )
 
-    def all_commands(self) -> Iterator[tuple[int, Command]]:
-        """Iterate over stamps and commands."""
-        commands, packed = self.commands, self._packed
-        if packed is None:
-            yield from commands[:]
-        else:
-            for stamp, which in zip(packed.command_stamps.tolist(), packed.which):
-                yield stamp, packed.kinds[which]
+    def commands(self, begin: int, end: int) -> Iterator[tuple[Command, np.ndarray]]:
+        """Iterate over commands from a time to another one, with their stamps."""
+        commands, packed = self._commands, self._packed
+        for command, stamps in list((packed.commands if packed else commands).items()):
+            all_stamps = np.array(stamps, np.int64)
+            first = np.searchsorted(all_stamps, begin)
+            last = np.searchsorted(all_stamps, end, "right")
+            if first < last:
+                yield command, all_stamps[first:last]
 
     def pack(self) -> None:
         """Replace the states by compressed arrays."""
-        kinds = tuple(dict.fromkeys(command for _, command in self.commands))
-        number = {command: row for row, command in enumerate(kinds)}
         packed = _Packed(
             self.stamps(),
             {name: _encoded(array) for name, array in _stacked(self.states)},
-            np.array([stamp for stamp, _ in self.commands], np.int64),
-            np.array([number[command] for _, command in self.commands], np.uint16),
-            kinds,
+            {
+                command: np.array(stamps, np.int64)
+                for command, stamps in self._commands.items()
+            },
         )
         self.n_bytes = (
             OVERHEAD
             + sum(map(len, packed.arrays.values()))
             + packed.stamps.nbytes
-            + packed.command_stamps.nbytes
-            + packed.which.nbytes
-            + sum(len(word) + 50 for command in kinds for word in command)
+            + sum(
+                OF_COMMAND + stamps.nbytes + sum(map(len, command))
+                for command, stamps in packed.commands.items()
+            )
         )
         self._packed = packed
-        self.states, self.commands = [], []
+        self.states, self._commands = [], {}
 
 
 class _Packed(NamedTuple):
@@ -278,9 +288,8 @@ class _Packed(NamedTuple):
 
     stamps: np.ndarray
     arrays: dict[str, bytes]
-    command_stamps: np.ndarray
-    which: np.ndarray
-    kinds: tuple[Command, ...]
+    commands: dict[Command, np.ndarray]
+    """The stamps of each."""
 
 
 def _stacked(states: Sequence[RobotState]) -> Iterator[tuple[str, np.ndarray]]:

@@ -106,6 +106,7 @@ class HistoryClient:
         run: int = 0,
         max_states: int = 0,
         last: float = 0.0,
+        with_commands: bool = False,
     ) -> HistoryPart:
         """Ask for the states of a range, 5000 at most.
 
@@ -116,13 +117,14 @@ class HistoryClient:
             run: Number of the run; 0: the newest.
             max_states: Of more, this many are taken, evenly; 0: all.
             last: Length of the range up to the newest state, in [s]; 0: another one.
+            with_commands: Whether to ask for the commands meanwhile, too.
 
         Raises:
             NoAnswerError: If there is no bridge.
             RefusedError: If it keeps no history, or has no such state.
         """
         stamps = stamp_from_ns(begin), stamp_from_ns(end)
-        return _part(self._ask(last, *stamps, max_states, run))
+        return _part(self._ask(last, *stamps, max_states, run, not with_commands))
 
     def at(self, stamp: int, run: int = 0) -> HistoryPart:
         """Ask for the last state that is not later than a time, or for the first one.
@@ -156,7 +158,9 @@ class HistoryClient:
     def whole(
         self, begin: int = 0, end: int = 0, run: int = 0, last: float = 0.0
     ) -> HistoryPart:
-        """Ask for all states of a range, as ``part``, in as many answers as it takes.
+        """Ask for all states of a range, in as many answers as it takes.
+
+        Commands are left out.
 
         Args:
             begin: As of ``part``.
@@ -168,18 +172,15 @@ class HistoryClient:
             NoAnswerError: If there is no bridge.
             RefusedError: If it keeps no history, or has no such state.
         """
-        answer = self._ask(last, stamp_from_ns(begin), stamp_from_ns(end), 0, run)
+        answer = self._ask(last, stamp_from_ns(begin), stamp_from_ns(end), 0, run, True)
         until = stamp_from_ns(end) if end else answer.last
         parts = [_part(answer)]
         while not answer.is_complete:
             newest = int(parts[-1].stretch.stamps[-1])
-            answer = self._ask(0.0, stamp_from_ns(newest + 1), until, 0, answer.run)
+            since = stamp_from_ns(newest + 1)
+            answer = self._ask(0.0, since, until, 0, answer.run, True)
             parts.append(_part(answer))
-        return replace(
-            parts[0],
-            stretch=joined([part.stretch for part in parts]),
-            commands=[stream for part in parts for stream in part.commands],
-        )
+        return replace(parts[0], stretch=joined([part.stretch for part in parts]))
 
     def _ask(self, *request: Any) -> GetHistoryResponse:
         """Call the service; again, if the connection was of a bridge that has ended."""

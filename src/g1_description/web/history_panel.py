@@ -300,10 +300,12 @@ class HistoryPanel:
                 part = ask(history, line.run)
                 stamp = int(part.stretch.stamps[-1])
                 span = max(stamp - BEFORE, 1), stamp + AFTER
-                commands = history.part(*span, part.stretch.run, max_states=1).commands
+                run = part.stretch.run
+                around = history.part(*span, run, max_states=1, with_commands=True)
             except G1DescriptionError as error:
                 self._ui.post(self, partial(self._fail, line, str(error)))
                 return
+            commands = around.commands
             act = partial(self._arrived, line, wanted, part, commands, is_dragged)
             self._ui.post(self, act)
 
