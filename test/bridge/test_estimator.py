@@ -68,6 +68,25 @@ def test_a_robot_that_is_not_there_has_nothing():
     assert not any(problems.is_present for problems in estimator.problems)
 
 
+def test_a_joint_off_its_axis_is_reported_once_that_has_lasted():
+    text = (
+        '<robot name="r"><link name="base"/><link name="tip"/>'
+        '<joint name="j" type="continuous"><parent link="base"/>'
+        '<child link="tip"/><axis xyz="1 0 0"/></joint></robot>'
+    )
+    estimator = JointStateEstimator({"a": parse_urdf(text)})
+    found = []
+    for number, angle in enumerate([0.0, 0.5, 0.5, 0.0, 0.2, 0.3, 0.4, 0.5, 0.0, 0.3]):
+        show(estimator, {"a::base": 0.0, "a::tip": angle}, time=number)
+        found += [estimator.problems[0].axis_residual]
+    assert found == [*[{}] * 6, *({"j": pytest.approx(a)} for a in (0.4, 0.5)), {}, {}]
+    show(estimator, {"a::base": 0.0, "a::tip": 0.3}, time=30.0)
+    assert estimator.problems[0].axis_residual
+    estimator.reset()
+    show(estimator, {"a::base": 0.0, "a::tip": 0.3}, time=1.0)
+    assert not estimator.problems[0].axis_residual
+
+
 def test_the_base_is_the_root_wherever_the_file_has_it():
     text = (
         '<robot name="r"><link name="hand"/><link name="base"/>'

@@ -157,7 +157,7 @@ class TestBridgeHealth(unittest.TestCase):
             pose.orientation.x = math.sin(0.1)
             pose.orientation.w = math.cos(0.1)
         self.see(tilted)
-        self.wait_for(JOINTS, WARN, "off their axes: elbow")
+        self.wait_for(JOINTS, WARN, "off their axes for 2 s: elbow")
         line = self.watched.log.wait(lambda m: "off their axes" in m.msg)
         self.assertIn("elbow by 0.2 rad", line.msg)
         self.see(arm_states())

@@ -220,7 +220,7 @@ def test_a_robot_that_is_absent_or_another_is_spawned_on_its_feet(patient):
     bent = ["left_knee_joint"], [0.5]
     services.call("set_model_configuration", "g1_robot", "", *bent)
     services.close()
-    wait_for_report(patient, True, "off their axes: left_knee_joint")
+    wait_for_report(patient, True, "off their axes for 2 s: left_knee_joint")
     fix(fault("other_urdf", "left_knee_joint", DESCRIPTION))
     assert walk() is None
     wait_for_report(patient, False)

@@ -38,8 +38,8 @@ class LinkProblems(NamedTuple):
     """Links with invalid poses or twists; they count as missing."""
 
     axis_residual: Mapping[str, float] = {}
-    """Rotations off a joint's axis above ``MAX_RESIDUAL``, in [rad], by joint name, the
-    largest first."""
+    """Rotations off a joint's axis above ``MAX_RESIDUAL`` for ``LASTING``, in [rad], by
+    joint name, the largest first."""
 
     @property
     def are_any(self) -> bool:
@@ -52,6 +52,10 @@ MAX_RESIDUAL = 0.1
 of a robot on the floor are 0.01 to 0.02 rad off their axes, and those of one that has
 just fallen 0.056 rad. With the robot_description of another robot a bent joint is off
 by about its angle."""
+
+LASTING = 2.0
+"""Simulated time in [s] after which such a rotation is reported. In Gazebo, joints of a
+robot that falls after its start or a reset are up to 1.3 rad off for up to 0.5 s."""
 
 _MAX_SINE = np.sin(0.5 * MAX_RESIDUAL) ** 2
 
@@ -141,6 +145,9 @@ class JointStateEstimator:
         """Position, velocity and time in [s] of each joint of all robots."""
         self._time = np.nan
         self._interval = 0.0
+        self._off_since = np.full(len(self._number), np.inf)
+        """Since when each joint of all robots has been off its axis, in [s]."""
+        self._was_off = False
 
     def update(
         self, names: Sequence[str], poses: np.ndarray, twists: np.ndarray, stamp: int
@@ -185,7 +192,7 @@ class JointStateEstimator:
                 velocity,
                 np.full_like(position, time),
             )
-        self._find_rotated_joints(residual)
+        self._find_rotated_joints(residual, time)
         return [
             RobotState(
                 stamp,
@@ -197,16 +204,21 @@ class JointStateEstimator:
             for layout in self._layouts
         ]
 
-    def _find_rotated_joints(self, residual: np.ndarray) -> None:
-        """Find the joints of each robot that are rotated off their axes."""
+    def _find_rotated_joints(self, residual: np.ndarray, time: float) -> None:
+        """Find the joints of each robot that stay rotated off their axes."""
         is_off = len(residual) > 0 and not residual.max() <= _MAX_SINE
+        if not is_off and not self._was_off:
+            return
+        since = np.minimum(self._off_since[self._which], time)
+        since[residual <= _MAX_SINE] = np.inf
+        self._off_since.fill(np.inf)
+        self._off_since[self._which], self._was_off = since, is_off
+        angles = 2.0 * np.arcsin(np.sqrt(np.clip(residual, 0.0, 1.0)))
+        angles[time - since < LASTING] = 0.0
         for number, layout in enumerate(self._layouts):
-            if is_off or self.problems[number].axis_residual:
-                angles = 2.0 * np.arcsin(
-                    np.sqrt(np.clip(residual[layout.span], 0.0, 1.0))
-                )
-                pairs = zip(layout.joints.names, angles.tolist())
-                found = {name: angle for name, angle in pairs if angle > MAX_RESIDUAL}
+            pairs = zip(layout.joints.names, angles[layout.span].tolist())
+            found = {name: angle for name, angle in pairs if angle > MAX_RESIDUAL}
+            if found or self.problems[number].axis_residual:
                 found = dict(sorted(found.items(), key=lambda item: -item[1]))
                 self.problems[number] = layout.problems._replace(axis_residual=found)
 

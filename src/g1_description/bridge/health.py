@@ -13,6 +13,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from diagnostic_updater import Updater
 from gazebo_msgs.srv import GetPhysicsProperties
 
+from g1_description.bridge.estimator import LASTING
 from g1_description.bridge.state_source import StateSource
 from g1_description.bridge.status import SPAWN_GRACE, RobotStatus
 from g1_description.ros.lifecycle import quiet_when_closing
@@ -185,7 +186,9 @@ class BridgeHealth:
             status.mergeSummary(WARN, f"joint_states are also published by {others}")
         if problems.axis_residual:
             off_axis = listed(problems.axis_residual)
-            status.mergeSummary(WARN, f"joints off their axes: {off_axis}")
+            status.mergeSummary(
+                WARN, f"joints off their axes for {LASTING:g} s: {off_axis}"
+            )
         missing = listed(problems.missing + problems.invalid)
         if missing:
             status.mergeSummary(ERROR, f"missing links: {missing}")

@@ -11,7 +11,7 @@ from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import JointState
 
 from g1_description.bridge.commands import JointCommands
-from g1_description.bridge.estimator import LinkProblems
+from g1_description.bridge.estimator import LASTING, LinkProblems
 from g1_description.bridge.overlays import overlays_of
 from g1_description.bridge.parameters import (
     BridgeParameters,
@@ -254,6 +254,7 @@ class RobotWarnings:
         angles = (f"{joint} by {angle:.3g} rad" for joint, angle in residual.items())
         self._log.warn(
             f"off axis {name}",
-            f"Joints of {name} are rotated off their axes: {listed(angles)}. Is its "
-            "robot_description the one that was spawned?",
+            f"Joints of {name} have been rotated off their axes for {LASTING:g} s of "
+            f"simulated time: {listed(angles)}. Is its robot_description the one that "
+            "was spawned?",
         )

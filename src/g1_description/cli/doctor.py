@@ -802,7 +802,6 @@ def check_time(system: System) -> Fault | str:
 
 def check_link_states(system: System) -> Fault | str:
     """Wait for the simulator's link states."""
-    import numpy as np
     from gazebo_msgs.msg import LinkStates
 
     topic = f"{system.gazebo}/link_states"
@@ -814,12 +813,19 @@ def check_link_states(system: System) -> Fault | str:
     message = first_message(topic, LinkStates)
     if message is None:
         return _silent("silent_simulator", nodes[0], topic, _restart(system, nodes[0]))
+    system.links = _links(message)
+    return f"{len(message.name)} links"
+
+
+def _links(message: Any) -> tuple[list[str], np.ndarray]:
+    """Return the names and poses, shape (n, 7), of a message of link_states."""
+    import numpy as np
+
     rows = []
     for pose in message.pose:
         p, q = pose.position, pose.orientation
         rows.append([p.x, p.y, p.z, q.x, q.y, q.z, q.w])
-    system.links = list(message.name), np.array(rows).reshape(-1, 7)
-    return f"{len(rows)} links"
+    return list(message.name), np.array(rows).reshape(-1, 7)
 
 
 def check_bridge(system: System) -> Fault | str:
@@ -879,8 +885,20 @@ def _spawn(system: System) -> str:
 
 def check_urdf(system: System) -> Fault | str:
     """Compare the model with the description."""
+    from gazebo_msgs.msg import LinkStates
+
     name = system.robot.name
     reason = difference(system.description, name, *system.links)
+
+    def matches(heard: Heard) -> bool:
+        nonlocal reason
+        if heard:
+            links = _links(heard[-1][2])
+            reason = difference(system.description, name, *links)
+        return not reason
+
+    if reason:  # in Gazebo, links of a robot that falls are off for half a second
+        listen({f"{system.gazebo}/link_states": LinkStates}, matches)
     if not reason:
         return f"{name} matches {system.place}"
     return Fault(
@@ -907,7 +925,7 @@ def difference(
     """
     import numpy as np
 
-    from g1_description.bridge.estimator import JointStateEstimator
+    from g1_description.bridge.estimator import LASTING, JointStateEstimator
     from g1_description.robot.assembly import SCOPE, WORLD
     from g1_description.robot.lumping import lump_fixed_joints
     from g1_description.robot.rotation import rotate
@@ -935,8 +953,9 @@ def difference(
         if distance > MAX_OFFSET:
             return f"the origin of {joint.name} is off by {1e3 * distance:.0f} mm"
 
-    estimator = JointStateEstimator({model: description})
-    estimator.update(list(names), poses, np.zeros((len(names), 6)), 0)
+    estimator, names = JointStateEstimator({model: description}), list(names)
+    for stamp in (0, round(1e9 * LASTING)):
+        estimator.update(names, poses, np.zeros((len(names), 6)), stamp)
     joints = listed(estimator.problems[0].axis_residual)
     return f"the axes of {joints} differ" if joints else ""
 
