@@ -25,6 +25,7 @@ from g1_description.bridge.commands import JointCommands
 from g1_description.bridge.player import MotionPlayer
 from g1_description.bridge.status import RobotStatus
 from g1_description.motion.motion import Motion
+from g1_description.robot.state import RobotState
 from g1_description.robot.urdf import parse_urdf
 from g1_description.ros.log import ThrottledLog
 
@@ -295,6 +296,30 @@ class TestBridgeHealth(unittest.TestCase):
             positions = {"shoulder": shoulder, "elbow": 0.0, "slide": 0.0}
             self.watched.states.wait(lambda m, to=positions: shows(m, to), "the state")
         self.assertFalse(may_answer.is_set())
+
+    def test_g_a_reset_does_not_wait_for_the_answer_to_a_command(self):
+        """States wait for a reset; this simulator plays no motions itself."""
+        simulator = Simulator("/reset/gazebo/set_model_configuration")
+        self.addCleanup(simulator.close)
+        is_reset, came_first = threading.Event(), []
+
+        def answer(model):
+            came_first.append(is_reset.wait(0.5))
+            return SUCCESS
+
+        simulator.answers = answer
+        status, log = RobotStatus("arm", parse_urdf(URDF)), ThrottledLog()
+        commands = JointCommands("/reset/gazebo", status.name, status.commands, log)
+        player = MotionPlayer("/reset/gazebo", status, commands)
+        still = np.zeros(1)
+        status.state = RobotState(10**9, ("elbow",), still, still)
+        player.play(Motion(np.arange(2.0), ("elbow",), np.ones((2, 1))))
+        player.observe(status.state)
+        wait_for(lambda: simulator.requests, "a request")
+        player.reset()
+        is_reset.set()
+        wait_for(lambda: came_first, "the answer")
+        self.assertEqual(came_first, [True])
 
     def test_f_what_comes_during_a_call_counts_after_its_motion(self):
         """As in the simulator, which has the motion before it answers."""

@@ -248,6 +248,11 @@ class JointCommands:
         """
         with self._changed:
             self._changed.wait_for(lambda: not self._is_calling, CALL_TIMEOUT)
+            self.drop(joints, base)
+
+    def drop(self, joints: Collection[str], base: bool) -> None:
+        """Drop queued positions like ``release``, without waiting."""
+        with self._changed:
             for name in joints:
                 self._positions.pop(name, None)
             if base:

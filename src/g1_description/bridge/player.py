@@ -92,7 +92,7 @@ class MotionPlayer:
     def reset(self) -> None:
         """Forget all motions: time began again."""
         if self._plays_here:
-            self._commands.release(self._joints, base=True)
+            self._commands.drop(self._joints, base=True)  # states wait for a reset
         with self._lock:
             count = partial(self._status.count, "motions superseded before shown")
             self._playlist = Playlist(self._joints, count)
