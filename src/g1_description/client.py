@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import operator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -307,7 +307,8 @@ class Client:
             namespace: Namespace of the robot's topics.
 
         Returns:
-            The states as a motion that starts at time 0.
+            The states as a motion that starts at time 0; its ``notes`` say what is
+            missing.
 
         Raises:
             InvalidValueError: If ``seconds`` is not positive and finite.
@@ -316,7 +317,8 @@ class Client:
         """
         if not 0.0 < seconds < math.inf:
             raise InvalidValueError(f"seconds must be greater than 0 (got {seconds}).")
-        return fetch_history(seconds, namespace)[0].motion()
+        stretch, note = fetch_history(seconds, namespace)
+        return replace(stretch.motion(), notes=(note,) if note else ())
 
     def anchor(self, link: str = "") -> str:
         """Keep a link at its place while joints move; the base follows.

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from g1_description.motion.history import History
+from g1_description.motion.history import History, gaps_text
 from g1_description.motion.history_chunks import MAX_COMMANDS, SIZE, Command, joined
 from g1_description.robot.state import RobotState
 
@@ -182,6 +182,40 @@ def test_earlier_runs_stay_when_time_goes_back():
     assert all(map(same, all_of(history, 1), before))
     assert all(map(same, all_of(history), after))
     assert history.stretch(0, 9, run=3) is None
+
+
+@pytest.mark.parametrize(
+    ("steps", "found"),
+    [
+        ([5] * 40, []),  # in [ms]
+        ([1] * 300 + [12] + [1] * 300, [(300, 312)]),
+        ([5] * 300 + [350] + [5] * 9, [(1500, 1850)]),
+        ([5, 5, 9, 20, 5, 40, 5], []),
+        ([5, 1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 5, 5], []),  # paused
+        ([5, 5, 5, 5, -20, 5, 5, 5, 5], []),  # a reset
+        ([300, 300, 300], []),
+        ([], []),
+    ],
+)
+def test_gaps_are_long_against_the_usual_step(steps, found):
+    stamps = 1 + np.cumsum([1000, *steps]) * 1e6
+    history = filled(
+        RobotState(stamp, (), np.zeros(0)) for stamp in np.round(stamps).astype(int)
+    )
+    gaps = history.gaps(0, 1 << 62)
+    assert [tuple(round(at / 1e6) - 1000 for at in gap) for gap in gaps] == found
+    assert gaps_text(gaps).startswith("No states from") == bool(found)
+    begin = [gap[0] + 1 for gap in gaps]
+    assert not begin or not history.gaps(begin[0], 1 << 62)
+
+
+def test_the_longest_gaps_are_named():
+    gaps = [(n * 10**9, n * 10**9 + 10**7 * (n % 6 + 1)) for n in range(1, 7)]
+    assert gaps_text(gaps[:1]) == "No states from 1.000 s to 1.020 s."
+    assert gaps_text(gaps) == (
+        "No states from 3.000 s to 3.040 s, 4.000 s to 4.050 s, 5.000 s to 5.060 s and "
+        "in 3 shorter gaps."
+    )
 
 
 def test_many_resets_do_not_use_more_memory():

@@ -205,10 +205,13 @@ def test_what_is_checked_is_the_time_line_when_it_was_pressed(page):
     assert robot is page.robots[0]
     np.testing.assert_allclose(motion.times[[0, -1]], [45.0, 50.0], rtol=0, atol=1e-9)
     assert "45.0 s to 50.0 s" in panel._findings._folder.label
-    page.robots[0].add(50.5, np.nan)
+    page.robots[0].add(50.5, 0.5)
     panel._check()
-    page.settle(lambda: page.told, "an error")
-    assert "failed" in panel._findings._summary.content
+    page.settle(lambda: page.told, "a note")
+    assert page.told == ["No states from 50.000 s to 50.500 s."]
+    page.robots[0].add(50.51, np.nan)
+    panel._check()
+    page.settle(lambda: "failed" in panel._findings._summary.content, "an error")
 
 
 def test_a_shorter_time_line_is_about_the_shown_time(page):

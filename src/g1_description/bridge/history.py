@@ -16,6 +16,7 @@ from g1_description.bridge.parameters import RobotParameters, topic_of
 from g1_description.bridge.recorded_file import ENDINGS, write_motion_file
 from g1_description.bridge.status import RobotStatus
 from g1_description.errors import G1DescriptionError, InvalidValueError
+from g1_description.motion.history import gaps_text
 from g1_description.motion.history_chunks import Stretch
 from g1_description.msg import MotorStates
 from g1_description.ros.conversions import stamp_from_ns
@@ -68,7 +69,7 @@ class HistoryServices:
         runs = history.runs()
         first, last = runs.get(run, (begin, end))
         answer = answer_from_stretch(stretch, self._status.name)
-        answer.success, answer.status_message = True, _note(stretch)
+        answer.success, answer.status_message = True, self._note(stretch, where)
         answer.first_run, answer.last_run = min(runs), max(runs)
         answer.first, answer.last = stamp_from_ns(first), stamp_from_ns(last)
         is_full = len(stretch.stamps) + stretch.others == MAX_STATES
@@ -92,7 +93,8 @@ class HistoryServices:
                 raise InvalidValueError(
                     f"The file {path} already exists; set overwrite to replace it."
                 )
-            stretch = self._stretch(*self._range(request), 0, 0)
+            where = self._range(request)
+            stretch = self._stretch(*where, 0, 0)
             motion = stretch.motion()
             notes = write_motion_file(
                 path,
@@ -102,7 +104,7 @@ class HistoryServices:
             )
         except G1DescriptionError as error:
             return SaveHistoryResponse(success=False, status_message=str(error))
-        message = " ".join(filter(None, (*notes, _note(stretch))))
+        message = " ".join(filter(None, (*notes, self._note(stretch, where))))
         return SaveHistoryResponse(True, message, len(motion.times), motion.duration)
 
     def _range(self, request: Any) -> tuple[int, int, int]:
@@ -151,12 +153,16 @@ class HistoryServices:
             )
         return found
 
-
-def _note(stretch: Stretch) -> str:
-    """Describe what an answer lacks."""
-    if not stretch.others:
-        return ""
-    return f"Ignored {stretch.others} states with other joints than the last one."
+    def _note(self, stretch: Stretch, where: tuple[int, int, int]) -> str:
+        """Describe what an answer lacks; ``where`` is the run, and its range."""
+        run, begin, end = where
+        missing = gaps_text(self._status.history.gaps(begin, end, run))
+        if not stretch.others:
+            return missing
+        ignored = (
+            f"Ignored {stretch.others} states with other joints than the last one."
+        )
+        return f"{missing} {ignored}".strip()
 
 
 class Efforts:

@@ -25,6 +25,15 @@ MAX_EARLY = 200
 MAX_GAP = 1_000_000_000
 """Commands further apart, in [ns], are not one stream."""
 
+MISSING = 10
+"""Usual steps from a state to the next one from which states are missing."""
+
+STILL = 1000
+"""States closer than this, in [ns], are of one instant: time is paused."""
+
+MAX_SHOWN = 3
+"""Most gaps that are named."""
+
 
 @dataclass
 class CommandStream:
@@ -60,6 +69,15 @@ class HistoryPart:
 
     note: str = ""
     """What is missing."""
+
+
+def gaps_text(gaps: Sequence[tuple[int, int]]) -> str:
+    """Describe where states are missing; empty if there is no gap."""
+    longest = sorted(gaps, key=lambda gap: gap[0] - gap[1])[:MAX_SHOWN]
+    spans = [f"{1e-9 * a:.3f} s to {1e-9 * b:.3f} s" for a, b in sorted(longest)]
+    more = len(gaps) - len(spans)
+    rest = f" and in {more} shorter gaps" if more else ""
+    return f"No states from {', '.join(spans)}{rest}." if gaps else ""
 
 
 class History:
@@ -219,6 +237,27 @@ class History:
                 for number in np.unique(which).tolist()
             ]
         )
+
+    def gaps(self, begin: int, end: int, run: int = 0) -> list[tuple[int, int]]:
+        """Find where states are missing, as when the machine is overloaded.
+
+        Args:
+            begin: In [ns].
+            end: In [ns].
+            run: Number of the run; 0: the newest.
+
+        Returns:
+            Stamps of the states before and after each gap, in [ns].
+        """
+        each = [chunk.stamps() for chunk in self._chunks_of(run, begin, end)]
+        stamps = np.concatenate([np.empty(0, np.int64), *each])
+        stamps = stamps[(begin <= stamps) & (stamps <= end)]
+        steps = np.diff(stamps)
+        if not (steps > STILL).any():
+            return []
+        usual = np.median(steps[steps > STILL])
+        rows = np.flatnonzero(steps > MISSING * usual)
+        return [*zip(stamps[rows].tolist(), stamps[rows + 1].tolist())]
 
     def commands(self, begin: int, end: int, run: int = 0) -> list[CommandStream]:
         """Return the commands from a time to another one, in [ns], by their first."""

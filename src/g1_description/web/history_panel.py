@@ -412,6 +412,8 @@ class HistoryPanel:
             try:
                 part = ask()
                 line.run = part.stretch.run
+                if part.note:
+                    self._ui.tell(part.note)
                 return _timed(part)
             except G1DescriptionError:
                 self._ui.post((self, "failed"), self._findings.fail)
