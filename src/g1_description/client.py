@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 import operator
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -20,6 +21,7 @@ from std_srvs.srv import Empty
 
 from g1_description.api import JointValues, check_names, named_positions, one_pose
 from g1_description.errors import InvalidValueError
+from g1_description.motion.history import CommandStream
 from g1_description.motion.motion import Motion
 from g1_description.robot.state import RobotState
 from g1_description.ros.connection import Connection
@@ -29,7 +31,7 @@ from g1_description.ros.conversions import (
     pose_to_array,
     twist_to_array,
 )
-from g1_description.ros.history import fetch_history
+from g1_description.ros.history import fetch_commands, fetch_history
 from g1_description.ros.waiting import (
     MASTER_PERIOD,
     NoAnswerError,
@@ -319,6 +321,27 @@ class Client:
             raise InvalidValueError(f"seconds must be greater than 0 (got {seconds}).")
         stretch, note = fetch_history(seconds, namespace)
         return replace(stretch.motion(), notes=(note,) if note else ())
+
+    def commands(self, seconds: float, namespace: str = "") -> Sequence[CommandStream]:
+        """Return the last commands that the robot's bridge received.
+
+        Args:
+            seconds: Their simulated time, in [s]; the bridge may have less.
+            namespace: Namespace of the robot's topics.
+
+        Returns:
+            Equal commands that followed each other within a second are one entry, with
+            sender, topic and joints in its ``command``, the ``stamps`` of each in [ns]
+            and ``positions`` in [rad] or [m], shape (count, n_names).
+
+        Raises:
+            InvalidValueError: If ``seconds`` is not positive and finite.
+            NoAnswerError: If there is no bridge.
+            RefusedError: If it keeps no history, or has no state.
+        """
+        if not 0.0 < seconds < math.inf:
+            raise InvalidValueError(f"seconds must be greater than 0 (got {seconds}).")
+        return fetch_commands(seconds, namespace)
 
     def anchor(self, link: str = "") -> str:
         """Keep a link at its place while joints move; the base follows.

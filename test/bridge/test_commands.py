@@ -72,7 +72,7 @@ def test_a_command_is_ignored_in_part_or_as_a_whole(monkeypatch, names, told):
     commands, kept = JointCommands("/gazebo", "post", CommandTally(JOINTS), log), []
     monkeypatch.setattr(commands, "put", lambda positions: None)
     commands._note = lambda positions: None
-    commands._record = lambda message, ignored: kept.append(ignored)
+    commands._record = lambda message, accepted, ignored: kept.append(ignored)
     commands._on_command(JointState(name=names, position=[0.5, 0.5]))
     assert len(kept) == 1 and "unknown joint" in kept[0]
     assert log.warn.call_args[0][1].startswith(told)

@@ -328,6 +328,23 @@ def test_equal_commands_within_a_second_are_one_stream(sent, packed, span):
     )
 
 
+def test_positions_of_commands_come_back_as_float32():
+    history, rng, sent = History(600.0), np.random.default_rng(0), []
+    command = Command("a", "joint_commands", "2 joints", ("hip", "knee"))
+    for stamp in range(1, 4 * SIZE):
+        history.add(RobotState(stamp, (), np.zeros(0)))
+        sent.append(rng.normal(size=2))
+        history.add_command(command, sent[-1])
+        history.add_command(Command("b", "base_command", "base"))
+        history.pack()
+    first, second = history.commands(3, 1 << 40, with_positions=True)
+    assert first.command == command and second.positions.shape == (first.count, 0)
+    assert first.stamps.tolist() == [*range(3, 4 * SIZE)]
+    assert first.positions.dtype == np.float32
+    assert (first.positions == np.array(sent[2:], np.float32)).all()
+    assert history.commands(3, 1 << 40)[0].positions is None
+
+
 def test_commands_while_time_is_paused_are_bounded():
     history = History(600.0)
     command = Command("planner", "joint_commands", "knee")

@@ -30,6 +30,7 @@ from g1_description import Client
 from g1_description.bridge.history import HistoryServices
 from g1_description.bridge.parameters import RobotParameters
 from g1_description.bridge.status import RobotStatus
+from g1_description.errors import InvalidValueError
 from g1_description.motion.files.formats import read_motion
 from g1_description.motion.history import History
 from g1_description.robot.state import RobotState
@@ -140,7 +141,16 @@ class TestHistory(unittest.TestCase):
         with closing(HistoryClient("/get_history")) as client:
             self.assertEqual([*client.part(begin.to_nsec()).commands], [])
             found = client.part(begin.to_nsec(), with_commands=True).commands
-        self.assertLess(expected, {tuple(one.command) for one in found})
+        self.assertLess(expected, {tuple(one.command[:3]) for one in found})
+        with Client() as client:
+            commands = client.commands(LONG)
+            with self.assertRaisesRegex(InvalidValueError, "seconds must be"):
+                client.commands(0.0)
+        bent = [c for c in commands if c.command[:3] == (me, "joint_commands", ELBOW)][
+            -1
+        ]
+        self.assertEqual(bent.command.names, (ELBOW,))
+        np.testing.assert_allclose(bent.positions[-1], [0.2], rtol=1e-7)
 
     def test_it_is_saved_and_read_as_a_motion(self):
         stamp = self.bend(0.4).header.stamp

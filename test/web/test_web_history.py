@@ -44,11 +44,11 @@ class Direct(HistoryClient):
         self.problem, self.may_answer = "", threading.Event()
         self.may_answer.set()
 
-    def _ask(self, *request):
+    def _ask(self, **request):
         assert self.may_answer.wait(DEADLINE)
         if self.problem:
             raise NoAnswerError(self.problem)
-        answer = self._services._get(GetHistoryRequest(*request))
+        answer = self._services._get(GetHistoryRequest(**request))
         if not answer.success:
             raise RefusedError(answer.status_message)
         return answer

@@ -19,7 +19,7 @@ from control_msgs.msg import (
 )
 
 from g1_description.bridge.controllers import Controller
-from g1_description.bridge.history import motion_text
+from g1_description.bridge.history import last_positions, motion_text
 from g1_description.bridge.player import MotionPlayer, Played
 from g1_description.bridge.status import RobotStatus
 from g1_description.errors import G1DescriptionError, MotionError, UnknownNameError
@@ -306,7 +306,11 @@ class FollowJointTrajectory:
     def _on_goal(self, handle: ServerGoalHandle) -> None:
         """Replace the current goal by a new one, or reject that."""
         goal = handle.get_goal()
-        self._status.record(handle.goal, self._action, motion_text(goal.trajectory))
+        content, positions = (
+            motion_text(goal.trajectory),
+            last_positions(goal.trajectory),
+        )
+        self._status.record(handle.goal, self._action, content, positions)
         try:
             if not goal.trajectory.points:
                 self._stop(handle, goal.trajectory.joint_names)

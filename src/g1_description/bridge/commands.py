@@ -185,14 +185,15 @@ class JointCommands:
         self,
         topic: str,
         note: Callable[[Mapping[str, float]], None],
-        record: Callable[[JointState, str], None],
+        record: Callable[[JointState, Mapping[str, float], str], None],
     ) -> None:
         """Take commands from a topic.
 
         Args:
             topic: Its name.
             note: Called with the valid positions by joint name before they are sent.
-            record: Called with each message, and why it is ignored or empty.
+            record: Called with each message, its valid positions, and why the rest is
+                ignored or empty.
         """
         self._note, self._record = note, record
         # Messages may name different joints, so none of them may be lost.
@@ -207,7 +208,7 @@ class JointCommands:
             accepted, ignored, clamped = self._tally.take(
                 message.name, message.position, now
             )
-        self._record(message, ignored)
+        self._record(message, accepted, ignored)
         if ignored:
             what = "Part of a joint command" if accepted else "A joint command"
             text = f"{what} to {self._model} is ignored: {ignored}."

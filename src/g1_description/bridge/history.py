@@ -77,7 +77,8 @@ class HistoryServices:
         if not answer.is_complete:
             end = newest
         if not request.without_commands:
-            answer.commands = commands_to_messages(history.commands(begin, end, run))
+            span = begin, end, run, request.command_positions
+            answer.commands = commands_to_messages(history.commands(*span))
         return answer
 
     def _save(self, request: SaveHistoryRequest) -> SaveHistoryResponse:
@@ -233,11 +234,21 @@ def motion_text(
     return f"{' and '.join(moved)}, {points[-1].time_from_start.to_sec():.2f} s"
 
 
+def last_positions(joints: JointTrajectory) -> dict[str, float]:
+    """Return where a motion ends, in [rad] or [m] by joint."""
+    if not joints.points:
+        return {}
+    return dict(zip(joints.joint_names, joints.points[-1].positions))
+
+
 def record_joint_command(
-    status: RobotStatus, message: JointState, ignored: str
+    status: RobotStatus,
+    message: JointState,
+    accepted: Mapping[str, float],
+    ignored: str,
 ) -> None:
     """Keep a command of joints; ``ignored`` says which part of it was, and why."""
     content = joints_text(message.name)
     if ignored:
         content = f"{content}; ignored: {ignored}"
-    status.record(message, "joint_commands", content)
+    status.record(message, "joint_commands", content, accepted)

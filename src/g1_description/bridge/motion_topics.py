@@ -9,7 +9,7 @@ import rospy
 from geometry_msgs.msg import PoseStamped
 from trajectory_msgs.msg import JointTrajectory
 
-from g1_description.bridge.history import motion_text
+from g1_description.bridge.history import last_positions, motion_text
 from g1_description.bridge.parameters import RobotParameters, topic_of
 from g1_description.bridge.player import MotionPlayer, Played
 from g1_description.bridge.status import RobotStatus
@@ -125,17 +125,18 @@ class MotionTopics:
 
     def _record(self, topic: str, message, motion, played: Played) -> None:
         """Keep a message for the history; ``motion`` is its content."""
+        joints = motion
         if isinstance(motion, PoseStamped):
-            content = "base"
+            content, joints = "base", JointTrajectory()
         elif isinstance(motion, JointTrajectory):
             content = motion_text(motion)
         else:
-            content = motion_text(
-                motion.joint_trajectory, motion.multi_dof_joint_trajectory
-            )
+            joints = motion.joint_trajectory
+            content = motion_text(joints, motion.multi_dof_joint_trajectory)
+        positions = last_positions(joints)
         if not played.success:
-            content = f"{content}; refused: {played.message}"
-        self._status.record(message, topic, content)
+            content, positions = f"{content}; refused: {played.message}", {}
+        self._status.record(message, topic, content, positions)
 
     def _on_joint_trajectory(self, message: JointTrajectory) -> Played:
         """Play a motion of joints, or stop them."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -54,7 +55,10 @@ class RobotStatus:
 
     def __post_init__(self) -> None:
         self._counting = threading.Lock()
-        self.commands = CommandTally(self.description.movable_joints)
+        joints = self.description.movable_joints
+        self.commands = CommandTally(joints)
+        self._names = {joint.name: joint.name for joint in joints}
+        """One object for each name: the history keeps many."""
 
     @property
     def stamp(self) -> int:
@@ -66,11 +70,23 @@ class RobotStatus:
         with self._counting:
             self.motions[what] += 1
 
-    def record(self, message: Any, topic: str, content: str) -> None:
+    def record(
+        self,
+        message: Any,
+        topic: str,
+        content: str,
+        positions: Mapping[str, float],
+    ) -> None:
         """Keep a command for the history; ``message`` knows its sender."""
         if self.history is not None:
             sender = message._connection_header.get("callerid", "")
-            self.history.add_command(Command(sender, topic, content))
+            known = {
+                self._names[name]: position
+                for name, position in positions.items()
+                if name in self._names
+            }
+            command = Command(sender, topic, content, tuple(known))
+            self.history.add_command(command, [*known.values()])
 
     @property
     def is_in_grace(self) -> bool:

@@ -45,6 +45,12 @@ class CommandStream:
     last: int
     count: int
     command: Command
+    stamps: np.ndarray | None = None
+    """Of each, in [ns], shape (count,); here and below None unless requested."""
+
+    positions: np.ndarray | None = None
+    """Of the joints ``command.names`` in [rad] or [m], before limits, of a motion its
+    last ones, shape (count, n_names)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,11 +161,16 @@ class History:
                     if state.stamp <= stamp:
                         return
 
-    def add_command(self, command: Command) -> None:
-        """Add a command at the time of the last state; ignored before the first."""
+    def add_command(self, command: Command, positions: Sequence[float] = ()) -> None:
+        """Add a command at the time of the last state; ignored before the first.
+
+        Args:
+            command: The command.
+            positions: Of its joints, in [rad] or [m].
+        """
         with self._lock:
             if self._chunks:
-                self._chunks[-1].add_command(command)
+                self._chunks[-1].add_command(command, positions)
 
     def pack(self) -> None:
         """Compress full chunks, and forget the oldest; to be called by one thread.
@@ -259,20 +270,23 @@ class History:
         rows = np.flatnonzero(steps > MISSING * usual)
         return [*zip(stamps[rows].tolist(), stamps[rows + 1].tolist())]
 
-    def commands(self, begin: int, end: int, run: int = 0) -> list[CommandStream]:
+    def commands(
+        self, begin: int, end: int, run: int = 0, with_positions: bool = False
+    ) -> list[CommandStream]:
         """Return the commands from a time to another one, in [ns], by their first."""
-        each: dict[Command, list[np.ndarray]] = {}
+        each: dict[Command, list[tuple[np.ndarray, np.ndarray]]] = {}
         for chunk in self._chunks_of(run, begin, end):
-            for command, stamps in chunk.commands(begin, end):
-                each.setdefault(command, []).append(stamps)
+            for command, *arrays in chunk.commands(begin, end, with_positions):
+                each.setdefault(command, []).append((arrays[0], arrays[1]))
         found = []
         for command, parts in each.items():
-            stamps = np.concatenate(parts)
-            streams = np.split(stamps, np.flatnonzero(np.diff(stamps) > MAX_GAP) + 1)
-            found += [
-                CommandStream(int(own[0]), int(own[-1]), len(own), command)
-                for own in streams
-            ]
+            stamps, positions = map(np.concatenate, zip(*parts))
+            cuts = np.flatnonzero(np.diff(stamps) > MAX_GAP) + 1
+            for own, rows in zip(np.split(stamps, cuts), np.split(positions, cuts)):
+                stream = CommandStream(int(own[0]), int(own[-1]), len(own), command)
+                if with_positions:
+                    stream.stamps, stream.positions = own, rows
+                found.append(stream)
         return sorted(found, key=lambda stream: stream.first)
 
     def _chunks_of(self, run: int, begin: int, end: int) -> list[Chunk]:

@@ -54,6 +54,9 @@ class Command(NamedTuple):
     content: str
     """A phrase, such as the joints."""
 
+    names: tuple[str, ...] = ()
+    """The joints whose positions are kept."""
+
 
 @dataclass(frozen=True, eq=False)
 class Stretch:
@@ -194,8 +197,8 @@ class Chunk:
         self.n_bytes = 0
         self._begin = begin
         """Last stamp of the chunk before it."""
-        self._commands: dict[Command, list[int]] = {}
-        """The stamps of each."""
+        self._commands: dict[Command, list[tuple[int, np.ndarray]]] = {}
+        """Stamps and positions of each."""
         self._n_commands = 0
         self._packed: _Packed | None = None
 
@@ -214,11 +217,12 @@ class Chunk:
         self.states.append(state)
         self.last = state.stamp
 
-    def add_command(self, command: Command) -> None:
+    def add_command(self, command: Command, positions: Sequence[float]) -> None:
         """Add a command at the time of the last state, unless there are too many."""
         if self._n_commands < MAX_COMMANDS:
             self._n_commands += 1
-            self._commands.setdefault(command, []).append(self.last)
+            found = self.last, np.array(positions, np.float32)
+            self._commands.setdefault(command, []).append(found)
 
     @property
     def duration(self) -> int:
@@ -250,15 +254,30 @@ class Chunk:
             self.run, self.stamps()[rows], self.names, self.commanded_names, **found
         )
 
-    def commands(self, begin: int, end: int) -> Iterator[tuple[Command, np.ndarray]]:
-        """Iterate over commands from a time to another one, with their stamps."""
+    def commands(
+        self, begin: int, end: int, with_positions: bool
+    ) -> Iterator[tuple[Command, np.ndarray, np.ndarray]]:
+        """Iterate over commands from a time to another one.
+
+        With each come stamps and positions, shapes (n,) and (n, n_names); without
+        positions (n, 0).
+        """
         commands, packed = self._commands, self._packed
-        for command, stamps in list((packed.commands if packed else commands).items()):
-            all_stamps = np.array(stamps, np.int64)
-            first = np.searchsorted(all_stamps, begin)
-            last = np.searchsorted(all_stamps, end, "right")
-            if first < last:
-                yield command, all_stamps[first:last]
+        kinds = commands if packed is None else packed.commands
+        for command in list(kinds):
+            if packed is None:
+                stamps, positions = _received(commands[command][:])
+            else:
+                stamps, data = packed.commands[command]
+            first = int(np.searchsorted(stamps, begin))
+            last = int(np.searchsorted(stamps, end, "right"))
+            if first == last:
+                continue
+            if not with_positions:
+                positions = np.empty((len(stamps), 0))
+            elif packed is not None:
+                positions = _decoded(data, len(stamps), np.float32)
+            yield command, stamps[first:last], positions[first:last]
 
     def pack(self) -> None:
         """Replace the states by compressed arrays."""
@@ -266,8 +285,9 @@ class Chunk:
             self.stamps(),
             {name: _encoded(array) for name, array in _stacked(self.states)},
             {
-                command: np.array(stamps, np.int64)
-                for command, stamps in self._commands.items()
+                command: (stamps, _encoded(positions))
+                for command, found in self._commands.items()
+                for stamps, positions in [_received(found)]
             },
         )
         self.n_bytes = (
@@ -275,8 +295,8 @@ class Chunk:
             + sum(map(len, packed.arrays.values()))
             + packed.stamps.nbytes
             + sum(
-                OF_COMMAND + stamps.nbytes + sum(map(len, command))
-                for command, stamps in packed.commands.items()
+                OF_COMMAND + stamps.nbytes + len(data) + 8 * sum(map(len, command))
+                for command, (stamps, data) in packed.commands.items()
             )
         )
         self._packed = packed
@@ -288,8 +308,16 @@ class _Packed(NamedTuple):
 
     stamps: np.ndarray
     arrays: dict[str, bytes]
-    commands: dict[Command, np.ndarray]
-    """The stamps of each."""
+    commands: dict[Command, tuple[np.ndarray, bytes]]
+    """Stamps and positions of each."""
+
+
+def _received(
+    found: Sequence[tuple[int, np.ndarray]],
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return stamps and positions of commands as arrays."""
+    stamps, positions = zip(*found)
+    return np.array(stamps, np.int64), np.array(positions)
 
 
 def _stacked(states: Sequence[RobotState]) -> Iterator[tuple[str, np.ndarray]]:

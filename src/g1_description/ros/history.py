@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import posixpath
 import threading
-from collections.abc import Iterable
-from contextlib import suppress
+from collections.abc import Iterable, Sequence
+from contextlib import closing, suppress
 from dataclasses import replace
 from typing import Any
 
@@ -71,15 +71,30 @@ def stretch_from_answer(answer: GetHistoryResponse) -> Stretch:
 
 def commands_to_messages(streams: Iterable[CommandStream]) -> list[ReceivedCommands]:
     """Convert commands."""
-    return [
-        ReceivedCommands(
-            stamp_from_ns(stream.first),
-            stamp_from_ns(stream.last),
-            stream.count,
-            *stream.command,
+    found = []
+    for stream in streams:
+        sender, topic, content, names = stream.command
+        first, last = stamp_from_ns(stream.first), stamp_from_ns(stream.last)
+        message = ReceivedCommands(
+            first, last, stream.count, sender, topic, content, [], [], []
         )
-        for stream in streams
-    ]
+        if stream.stamps is not None:
+            message.times = _flat(1e-9 * (stream.stamps - stream.first))
+            message.joint_names = list(names)
+            message.positions = _flat(stream.positions)
+        found.append(message)
+    return found
+
+
+def _stream(message: ReceivedCommands) -> CommandStream:
+    """Convert commands back."""
+    m, first = message, message.first.to_nsec()
+    command = Command(m.sender, m.topic, m.content, tuple(m.joint_names))
+    stream = CommandStream(first, m.last.to_nsec(), m.count, command)
+    if m.times:
+        stream.stamps = first + np.round(1e9 * np.array(m.times)).astype(np.int64)
+        stream.positions = np.reshape(m.positions, (m.count, len(m.joint_names)))
+    return stream
 
 
 SHORTLY = 60_000_000
@@ -107,6 +122,7 @@ class HistoryClient:
         max_states: int = 0,
         last: float = 0.0,
         with_commands: bool = False,
+        with_positions: bool = False,
     ) -> HistoryPart:
         """Ask for the states of a range, 5000 at most.
 
@@ -118,13 +134,22 @@ class HistoryClient:
             max_states: Of more, this many are taken, evenly; 0: all.
             last: Length of the range up to the newest state, in [s]; 0: another one.
             with_commands: Whether to ask for the commands meanwhile, too.
+            with_positions: Whether to ask for the positions of each of them.
 
         Raises:
             NoAnswerError: If there is no bridge.
             RefusedError: If it keeps no history, or has no such state.
         """
-        stamps = stamp_from_ns(begin), stamp_from_ns(end)
-        return _part(self._ask(last, *stamps, max_states, run, not with_commands))
+        answer = self._ask(
+            last=last,
+            begin=stamp_from_ns(begin),
+            end=stamp_from_ns(end),
+            max_samples=max_states,
+            run=run,
+            without_commands=not with_commands,
+            command_positions=with_positions,
+        )
+        return _part(answer)
 
     def at(self, stamp: int, run: int = 0) -> HistoryPart:
         """Ask for the last state that is not later than a time, or for the first one.
@@ -172,17 +197,27 @@ class HistoryClient:
             NoAnswerError: If there is no bridge.
             RefusedError: If it keeps no history, or has no such state.
         """
-        answer = self._ask(last, stamp_from_ns(begin), stamp_from_ns(end), 0, run, True)
+        answer = self._ask(
+            last=last,
+            begin=stamp_from_ns(begin),
+            end=stamp_from_ns(end),
+            run=run,
+            without_commands=True,
+        )
         until = stamp_from_ns(end) if end else answer.last
         parts = [_part(answer)]
         while not answer.is_complete:
             newest = int(parts[-1].stretch.stamps[-1])
-            since = stamp_from_ns(newest + 1)
-            answer = self._ask(0.0, since, until, 0, answer.run, True)
+            answer = self._ask(
+                begin=stamp_from_ns(newest + 1),
+                end=until,
+                run=answer.run,
+                without_commands=True,
+            )
             parts.append(_part(answer))
         return replace(parts[0], stretch=joined([part.stretch for part in parts]))
 
-    def _ask(self, *request: Any) -> GetHistoryResponse:
+    def _ask(self, **request: Any) -> GetHistoryResponse:
         """Call the service; again, if the connection was of a bridge that has ended."""
         with self._lock:
             is_new = self._service is None
@@ -192,7 +227,7 @@ class HistoryClient:
                         self._name, GetHistory, persistent=True
                     )
                 try:
-                    return _checked(self._service(*request))
+                    return _checked(self._service(**request))
                 except SERVICE_ERRORS as error:
                     self.close()
                     if is_new:
@@ -223,31 +258,35 @@ def fetch_history(seconds: float, namespace: str = "") -> tuple[Stretch, str]:
         NoAnswerError: If there is no bridge.
         RefusedError: If it keeps no history, or has no state.
     """
-    client = HistoryClient(posixpath.join("/", namespace.strip("/"), "get_history"))
-    try:
+    with closing(_client(namespace)) as client:
         found = client.whole(last=seconds)
-    finally:
-        client.close()
     kept, note = 1e-9 * (found.last - found.first), found.note
     if seconds > kept:
         note = f"the history of the bridge has only {kept:.3f} s. {note}".strip()
     return found.stretch, note
 
 
+def fetch_commands(seconds: float, namespace: str = "") -> Sequence[CommandStream]:
+    """Ask a robot's bridge for the last commands, with their positions.
+
+    Arguments and errors are those of ``fetch_history``.
+    """
+    with closing(_client(namespace)) as client:
+        return client.part(
+            last=seconds, max_states=1, with_commands=True, with_positions=True
+        ).commands
+
+
+def _client(namespace: str) -> HistoryClient:
+    """Return a client of a robot's bridge."""
+    return HistoryClient(posixpath.join("/", namespace.strip("/"), "get_history"))
+
+
 def _part(answer: GetHistoryResponse) -> HistoryPart:
     """Read a successful answer of get_history."""
-    streams = [
-        CommandStream(
-            one.first.to_nsec(),
-            one.last.to_nsec(),
-            one.count,
-            Command(one.sender, one.topic, one.content),
-        )
-        for one in answer.commands
-    ]
     return HistoryPart(
         stretch_from_answer(answer),
-        streams,
+        [*map(_stream, answer.commands)],
         answer.first_run,
         answer.last_run,
         answer.first.to_nsec(),

@@ -467,7 +467,7 @@ def commands_text(commands: Sequence[CommandStream]) -> str:
     if len(commands) > MAX_LINES:
         lines.append(f"- {len(commands) - MAX_LINES} earlier ones")
     for one in commands[-MAX_LINES:]:
-        sender, topic, content = one.command
+        sender, topic, content, _ = one.command
         again = f" x {one.count}" if one.count > 1 else ""
         text = f"{1e-9 * one.first:.3f} s{again}, {sender}, {topic}: {content}"
         lines.append(f"- {plain(text)}")
