@@ -1,6 +1,7 @@
 """The history of a robot: what comes back is what went in, within its bounds."""
 
 import functools
+import time
 from dataclasses import fields, replace
 
 import numpy as np
@@ -343,6 +344,15 @@ def test_positions_of_commands_come_back_as_float32():
     assert first.positions.dtype == np.float32
     assert (first.positions == np.array(sent[2:], np.float32)).all()
     assert history.commands(3, 1 << 40)[0].positions is None
+
+
+def test_the_newest_state_of_a_time_ago_is_known():
+    history, times = History(600.0), [time.time_ns()]
+    for stamp in (5, 7, 7, 2):
+        history.add(RobotState(stamp, (), np.zeros(0)))
+        history.pack()
+        times.append(time.time_ns())
+    assert [*map(history.newest, times)] == [None, (1, 5), (1, 7), (1, 7), (2, 2)]
 
 
 def test_commands_while_time_is_paused_are_bounded():

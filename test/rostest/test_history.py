@@ -1,5 +1,7 @@
 """What has just happened is in the bridge's history, without a recording."""
 
+import os
+import signal
 import subprocess
 import tempfile
 import unittest
@@ -229,6 +231,32 @@ class TestHistory(unittest.TestCase):
             answer = service(f"/forgetful/{name}", kind)(run=history.run, **more)
             self.assertFalse(answer.success)
             self.assertIn("run must be from", answer.status_message)
+
+    def test_record_takes_what_was_there_when_it_was_entered(self):
+        self.states.clear()
+        since = self.bend(0.25).header.stamp + rospy.Duration(0.5)
+        self.states.wait(lambda m: m.header.stamp > since, "half a second")
+        terminal, inside = os.openpty()
+        self.addCleanup(os.close, terminal)
+        path = self.folder / "entered.csv"
+        command = [program("record"), path, "--last", "1", "--rate", "0"]
+        with subprocess.Popen(
+            command, stdin=inside, stdout=subprocess.PIPE, text=True
+        ) as process:
+            os.close(inside)
+            process.send_signal(signal.SIGSTOP)  # a machine that is busy for long
+            for angle in (0.75, 0.5, 0.8):
+                later = self.bend(angle)
+            process.send_signal(signal.SIGCONT)
+            output, _ = process.communicate(timeout=DEADLINE)
+        self.assertEqual(process.returncode, 0)
+        motion = read_motion(path, self.robot)
+        elbow = motion.positions[:, motion.joint_names.index(ELBOW)]
+        self.assertAlmostEqual(elbow[-1], 0.25, 9)
+        begin = float(path.read_text().splitlines()[0].split()[-2])
+        self.assertIn(f"begins at {begin:.3f} s", output)
+        self.assertLess(begin + motion.times[-1], later.header.stamp.to_sec())
+        self.assertGreater(begin + motion.times[-1], later.header.stamp.to_sec() - 30.0)
 
     def bridge(self, namespace, *arguments):
         """Start another bridge, and wait for it."""

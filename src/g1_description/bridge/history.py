@@ -60,7 +60,7 @@ class HistoryServices:
     def _get(self, request: GetHistoryRequest) -> GetHistoryResponse:
         """Answer with states and commands."""
         try:
-            where = self._range(request)
+            where = self._range(request, request.as_of.to_nsec())
             stretch = self._stretch(*where, request.max_samples, MAX_STATES)
         except G1DescriptionError as error:
             return GetHistoryResponse(success=False, status_message=str(error))
@@ -108,7 +108,7 @@ class HistoryServices:
         message = " ".join(filter(None, (*notes, self._note(stretch, where))))
         return SaveHistoryResponse(True, message, len(motion.times), motion.duration)
 
-    def _range(self, request: Any) -> tuple[int, int, int]:
+    def _range(self, request: Any, as_of: int = 0) -> tuple[int, int, int]:
         """Return the requested run, and begin and end in [ns]."""
         history, name = self._status.history, self._status.name
         if history is None:
@@ -117,8 +117,15 @@ class HistoryServices:
             )
         if not history.runs():
             raise InvalidValueError(f"The bridge has had no state of {name} yet.")
-        run = request.run or history.run
+        newest = history.newest(as_of) if as_of else (request.run or history.run, 0)
+        if newest is None:
+            ago = 1e-9 * (time.time_ns() - as_of)
+            raise InvalidValueError(
+                f"No state of {name} from {ago:.1f} s ago is known."
+            )
+        run = newest[0]
         first, last = self._span(run)
+        last = newest[1] or last
         if not 0.0 <= request.last < np.inf:
             raise InvalidValueError(f"last must be at least 0 s (got {request.last}).")
         begin, end = request.begin.to_nsec() or first, request.end.to_nsec() or last

@@ -14,7 +14,7 @@ from tf2_msgs.msg import TFMessage
 
 from g1_description.bridge.parameters import BridgeParameters, base_child, static_edges
 from g1_description.errors import MotionError
-from g1_description.files.atomic import whole_file
+from g1_description.files.atomic import whole_file, write_whole
 from g1_description.motion.files import formats
 from g1_description.motion.files.arrays import MAX_SIZE
 from g1_description.motion.files.bag import MAX_MESSAGES
@@ -97,7 +97,8 @@ def write_motion_file(
         trajectory: The motion.
         robot: Whose motion it is.
         rate: Samples per second of an npz, in [Hz]; None: those of the motion.
-        begin: Stamp of a bag's first sample, in [ns].
+        begin: Stamp of the first sample, in [ns], which bags have; in a csv it is a
+            comment.
 
     Returns:
         Messages on differences from the motion.
@@ -111,7 +112,12 @@ def write_motion_file(
             f"Unknown format of {path.name}: it must end in {' or '.join(ENDINGS)}."
         )
     if path.suffix.lower() != BAG:
-        return formats.write_motion(path, trajectory, robot, rate)
+        files, notes = formats.contents(path, trajectory, robot, rate)
+        for file, part in files.items():
+            if path.suffix.lower() == ".csv" and begin != MIN_STAMP:
+                part = f"# time 0 is {1e-9 * begin:.9f} s\n".encode() + part
+            write_whole(file, part)
+        return notes
     with whole_file(path) as part:
         _write_bag(part, trajectory, robot, begin)
     return ()

@@ -20,6 +20,7 @@ import rospy
 from g1_description.bridge.recorded_file import ENDINGS, room_of, write_motion_file
 from g1_description.cli.options import namespace
 from g1_description.cli.recorder import BridgeStates, Recorder, SimulatorStates
+from g1_description.cli.start import time_entered
 from g1_description.command_line import (
     MAX_FPS,
     argument,
@@ -145,7 +146,7 @@ def save_last(seconds: float, robot: Description, args: RecordOptions) -> None:
     Raises:
         G1DescriptionError: If there is no bridge, or the file cannot be written.
     """
-    stretch, note = fetch_history(seconds, args.namespace)
+    stretch, note = fetch_history(seconds, args.namespace, time_entered())
     recorder = Recorder(args.rate, None, partial(room_of, args.out))
     for state in stretch.states():
         recorder.take(state)
@@ -251,7 +252,8 @@ def save(recorder: Recorder, robot: Description, args: RecordOptions) -> None:
     for note in (*recorder.notes, *notes):
         notify(note)
     count = len(trajectory.times)
-    print(f"{args.out}: {count} samples, {trajectory.duration:.2f} s", flush=True)
+    text = f"{args.out}: {count} samples, {trajectory.duration:.2f} s"
+    print(f"{text}, begins at {1e-9 * begin:.3f} s", flush=True)
 
 
 def main() -> None:

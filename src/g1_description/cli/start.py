@@ -10,11 +10,15 @@ import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Callable
 from typing import Any, NoReturn
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C, as in shells."""
+
+IMPORTED = time.time_ns()
+"""Wall time at which this module was imported, in [ns]."""
 
 AGAIN = 0.05
 """Time in [s] after which an ignored interrupt is sent again."""
@@ -49,6 +53,22 @@ def run(module: str, farewell: str = "interrupted.") -> None:
             raise
         print(f"{module.rpartition('.')[2]}: {farewell}", file=sys.stderr)
         sys.exit(INTERRUPTED)
+
+
+def time_entered() -> int:
+    """Return the wall time at which the command was entered in a terminal, in [ns].
+
+    A shell makes a process for each command that is entered, which rosrun and Python
+    run in one after the other. Without a terminal, such as in ``bash -c``, it may have
+    run others before: the time is that at which Python began.
+    """
+    if not os.isatty(0):
+        return IMPORTED
+    with open("/proc/self/stat") as file:
+        ticks = int(file.read().rpartition(")")[2].split()[19])
+    begin = ticks / os.sysconf("SC_CLK_TCK")
+    elapsed = time.clock_gettime(time.CLOCK_BOOTTIME) - begin
+    return time.time_ns() - round(1e9 * elapsed)
 
 
 def is_shut_down() -> bool:

@@ -7,6 +7,7 @@ float32.
 from __future__ import annotations
 
 import threading
+import time
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -21,6 +22,9 @@ MAX_BYTES = 60_000_000
 
 MAX_EARLY = 200
 """Most efforts that wait for their states."""
+
+MAX_ARRIVALS = 10_000
+"""Most wall times that are kept: of three minutes."""
 
 MAX_GAP = 1_000_000_000
 """Commands further apart, in [ns], are not one stream."""
@@ -108,6 +112,8 @@ class History:
         self._last = -1
         self._early: dict[int, np.ndarray] = {}
         """Efforts of states that are still to come, by stamp."""
+        self._arrivals: deque[tuple[int, int, int]] = deque(maxlen=MAX_ARRIVALS)
+        """Wall times in [ns], with run and stamp of the last state."""
         self.run = 1
         """Number of the newest run."""
 
@@ -177,6 +183,12 @@ class History:
 
         The newest two stay as they are: their efforts may still come.
         """
+        with self._lock:
+            newest = self.run, self._last
+            if self._chunks and (
+                not self._arrivals or self._arrivals[-1][1:] != newest
+            ):
+                self._arrivals.append((time.time_ns(), *newest))
         while len(self._unpacked) > 2:
             chunk = self._unpacked[0]
             chunk.pack()
@@ -196,6 +208,16 @@ class History:
     def n_bytes(self) -> int:
         """Memory of the compressed chunks."""
         return self._bytes
+
+    def newest(self, moment: int) -> tuple[int, int] | None:
+        """Return run and stamp of the newest state at a wall time in [ns].
+
+        It is as exact as ``pack`` is called often; None: there was none, or it is not
+        known any more.
+        """
+        with self._lock:
+            known = [(run, at) for when, run, at in self._arrivals if when <= moment]
+        return known[-1] if known else None
 
     def runs(self) -> dict[int, tuple[int, int]]:
         """Return the first and last stamp in [ns] of each run by its number."""

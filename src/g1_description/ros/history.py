@@ -121,6 +121,7 @@ class HistoryClient:
         run: int = 0,
         max_states: int = 0,
         last: float = 0.0,
+        as_of: int = 0,
         with_commands: bool = False,
         with_positions: bool = False,
     ) -> HistoryPart:
@@ -133,6 +134,7 @@ class HistoryClient:
             run: Number of the run; 0: the newest.
             max_states: Of more, this many are taken, evenly; 0: all.
             last: Length of the range up to the newest state, in [s]; 0: another one.
+            as_of: Wall time in [ns] at which the newest state is meant; 0: now.
             with_commands: Whether to ask for the commands meanwhile, too.
             with_positions: Whether to ask for the positions of each of them.
 
@@ -142,6 +144,7 @@ class HistoryClient:
         """
         answer = self._ask(
             last=last,
+            as_of=stamp_from_ns(as_of),
             begin=stamp_from_ns(begin),
             end=stamp_from_ns(end),
             max_samples=max_states,
@@ -244,12 +247,15 @@ class HistoryClient:
             self._service = None
 
 
-def fetch_history(seconds: float, namespace: str = "") -> tuple[Stretch, str]:
+def fetch_history(
+    seconds: float, namespace: str = "", as_of: int = 0
+) -> tuple[Stretch, str]:
     """Ask a robot's bridge for its last states.
 
     Args:
         seconds: Their simulated time, in [s].
         namespace: Namespace of the robot's topics.
+        as_of: Wall time in [ns] at which the last of them was the newest; 0: now.
 
     Returns:
         The states, and a note on what is missing; may be empty.
@@ -259,8 +265,10 @@ def fetch_history(seconds: float, namespace: str = "") -> tuple[Stretch, str]:
         RefusedError: If it keeps no history, or has no state.
     """
     with closing(_client(namespace)) as client:
-        found = client.whole(last=seconds)
-    kept, note = 1e-9 * (found.last - found.first), found.note
+        newest = client.part(last=1e-9, as_of=as_of).stretch
+        end = int(newest.stamps[-1])
+        found = client.whole(max(end - round(1e9 * seconds), 1), end, newest.run)
+    kept, note = 1e-9 * (end - found.first), found.note
     if seconds > kept:
         note = f"the history of the bridge has only {kept:.3f} s. {note}".strip()
     return found.stretch, note
