@@ -55,11 +55,6 @@ def _become(main, environment, out, err):
         code = _exit_code(main)
         sys.stdout.flush()
         sys.stderr.flush()
-        if "coverage" in sys.modules:  # tools/mutate records which lines run
-            current = sys.modules["coverage"].Coverage.current()
-            if current:
-                current.stop()
-                current.save()
     finally:
         os._exit(code)
 

@@ -36,10 +36,12 @@ def wait_for(condition, what, timeout=TIMEOUT):
         MeasurementError: If it does not in time.
     """
     end = time.monotonic() + timeout
-    while time.monotonic() < end:
+    while True:
         result = condition()
         if result:
             return result
+        if time.monotonic() > end:
+            break
         time.sleep(PAUSE)
     raise MeasurementError(f"waited {timeout:.0f} s in vain for {what}")
 
@@ -208,7 +210,11 @@ class Graph:
         except (OSError, rosnode.ROSNodeException, rosnode.ROSNodeIOException):
             return None
 
-    def node(self, name):
+    def output(self):
+        """Give what its programs printed."""
+        return "\n".join(program.output() for program in self._programs)
+
+    def node(self, name, timeout=TIMEOUT):
         """Give the ``Process`` of a node, once it is there."""
-        uri = wait_for(lambda: self.finds(name), f"the node {name}")
+        uri = wait_for(lambda: self.finds(name), f"the node {name}", timeout)
         return Process(ServerProxy(uri).getPid("/benchmark")[2])

@@ -1,1 +1,0 @@
-"""The display for long, disturbed on purpose. Called by tools/soak."""
