@@ -52,7 +52,8 @@ def made(monkeypatch):
     return publishers
 
 
-def test_the_states_of_motors_are_a_topic_like_the_others(made):
+def test_the_states_of_motors_are_a_topic_like_the_others(made, monkeypatch):
+    monkeypatch.setattr(topics, "START_SILENCE", 0.0)
     world = Bench()
     for name in ("one", "two"):
         world.spawn_urdf(name, SLIDER, HERE)

@@ -167,8 +167,8 @@ class TestPublisher(unittest.TestCase):
         for thread in threads:
             thread.join(DEADLINE)
 
-    def test_who_waits_for_a_slow_handshake_is_not_turned_away(self):
-        """On a busy machine a handshake takes seconds; here another listener does."""
+    def test_a_subscriber_is_served_during_a_slow_handshake(self):
+        """On a busy machine it takes seconds; here another listener does."""
         topic, go = f"{self.topic}_slow", threading.Event()
         self.addCleanup(go.set)
 
@@ -181,15 +181,6 @@ class TestPublisher(unittest.TestCase):
         reader = RawSubscriber(own_uri(), topic, String, "/reader")
         self.subscribers.append(reader)
         wait_for(publisher.get_num_connections, "the reader to connect")
-        refreshed = set()
-
-        def publish_and_count():
-            publisher.publish(text(0))
-            refreshed.add(publisher._subscribers._refreshed)
-            return len(refreshed) > 4
-
-        wait_for(publish_and_count, "some refreshes")
-        go.set()
         self.arrive(reader, publisher)
 
     def test_who_waited_for_the_publisher_is_served(self):

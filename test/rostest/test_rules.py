@@ -189,22 +189,6 @@ class TestRules(unittest.TestCase):
             told = self.call("get_model_properties", model_name=name)
             self.assertFalse(told["success"])
 
-    def levels(self):
-        """Tell the loggers' levels by name."""
-        loggers = self.call("get_loggers")["loggers"]
-        return {logger["name"]: logger["level"] for logger in loggers}
-
-    def test_levels_of_loggers_are_those_of_roscpp(self):
-        known = {"debug", "info", "warn", "error", "fatal"}
-        self.assertLessEqual(set(self.levels().values()), known)
-        for level, told in (("WARN", "warn"), ("info", "info")):
-            self.call("set_logger_level", logger="rosout", level=level)
-            self.assertEqual(self.levels()["rosout"], told)
-        for level in ("", "loud", "warning"):
-            answer = self.call("set_logger_level", logger="rosout", level=level)
-            self.assertEqual(answer, {"transport": "service_error"})
-        self.assertEqual(self.levels()["rosout"], "info")
-
     def test_numbers_are_described_as_gazebo_ros_does_and_begin_as_they_are(self):
         descriptions = Listener("/gazebo/parameter_descriptions", ConfigDescription)
         updates = Listener("/gazebo/parameter_updates", Config)

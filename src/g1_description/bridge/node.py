@@ -55,7 +55,7 @@ from g1_description.robot.launch_arguments import check_trails
 from g1_description.ros.lifecycle import quiet_when_closing, start_node
 from g1_description.ros.log import SHORT_PERIOD, ThrottledLog
 from g1_description.ros.map_frame import MapFrame
-from g1_description.ros.master import stay_registered
+from g1_description.ros.master import watch_publishers
 from g1_description.ros.parameters import read_parameters
 from g1_description.ros.publisher import DirectPublisher
 from g1_description.ros.rospy_tcp import serve_as_roscpp
@@ -140,7 +140,7 @@ class BridgeNode:
         rospy.on_shutdown(self._stopped.set)
         threading.Thread(target=self._keep_house, daemon=True).start()
         # In a thread of its own: the master may take long to answer, or be gone.
-        stay_registered(self._look_at_publishers, MASTER_PERIOD)
+        watch_publishers(self._look_at_publishers, MASTER_PERIOD)
         BridgeHealth(p.gazebo, self._source, statuses, self._log).start()
 
     def _look_at_publishers(self, publishers: Mapping[str, list[str]]) -> None:

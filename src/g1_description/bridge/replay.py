@@ -25,7 +25,6 @@ from g1_description.robot.description import Description
 from g1_description.robot.transform import IDENTITY
 from g1_description.ros.conversions import transform
 from g1_description.ros.lifecycle import quiet_when_closing, start_node
-from g1_description.ros.master import stay_registered
 from g1_description.ros.parameters import (
     DESCRIPTION,
     check_range,
@@ -180,6 +179,4 @@ def main() -> None:
         rospy.logfatal("%s", error)
         sys.exit(1)
     report(motion)
-    replay = Replay(motion, robot, parameters)
-    stay_registered()
-    replay.run()
+    Replay(motion, robot, parameters).run()

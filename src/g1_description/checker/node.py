@@ -35,7 +35,6 @@ from g1_description.robot.description import Description
 from g1_description.ros.lifecycle import start_node
 from g1_description.ros.log import ThrottledLog
 from g1_description.ros.map_frame import MapFrame
-from g1_description.ros.master import stay_registered
 from g1_description.ros.parameters import read_parameters
 from g1_description.ros.robot_states import RobotStates
 from g1_description.ros.rospy_tcp import serve_as_roscpp
@@ -98,5 +97,4 @@ def main() -> None:
         sys.exit(1)
     except rospy.ROSInterruptException:  # shut down while waiting
         return
-    stay_registered()
     rospy.spin()

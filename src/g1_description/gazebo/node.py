@@ -31,13 +31,11 @@ from g1_description.gazebo.services import joints, links, models, spawn
 from g1_description.gazebo.services import time as times
 from g1_description.gazebo.services import world as worlds
 from g1_description.gazebo.services.base import RefusalError, Simulation, make_callback
-from g1_description.gazebo.start import find_listeners, make_world, spawn_robot
+from g1_description.gazebo.start import make_world, spawn_robot
 from g1_description.gazebo.topics import StateTopics, tracking_message
 from g1_description.msg import ModelTrajectory, MotorCommands, TrackingReport
-from g1_description.ros.gazebo_log import answer_as_roscpp, publish_log
 from g1_description.ros.lifecycle import quiet_when_closing, start_node
 from g1_description.ros.log import SHORT_PERIOD
-from g1_description.ros.master import stay_registered
 from g1_description.ros.parameters import read_parameters
 from g1_description.ros.rospy_tcp import serve_as_roscpp
 from g1_description.sim.world import World
@@ -172,8 +170,7 @@ class GazeboNode:
         self._stepper = self._simulation.stepper
         self._calls = Calls(world.lock)
         network = parameters.enable_ros_network
-        listeners = find_listeners() if network else ()
-        self._topics = StateTopics(world, parameters, listeners)
+        self._topics = StateTopics(world, parameters)
         self._tracking = None
         if not network:
             return
@@ -309,9 +306,7 @@ def main(given=None, on_start=lambda: None) -> None:
     """
     sys.setswitchinterval(SWITCH_INTERVAL)
     serve_as_roscpp()
-    answer_as_roscpp()
-    start_node("gazebo", disable_rosout=True)
-    publish_log()
+    start_node("gazebo")
     on_start()
     try:
         parameters = read_parameters(GazeboParameters, given)
@@ -320,6 +315,4 @@ def main(given=None, on_start=lambda: None) -> None:
     except G1DescriptionError as error:
         rospy.logfatal("%s", error)
         sys.exit(1)
-    node = GazeboNode(world, parameters)
-    stay_registered()
-    node.run()
+    GazeboNode(world, parameters).run()

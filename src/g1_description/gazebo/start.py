@@ -1,15 +1,10 @@
-"""The start of the simulator: a world file, a robot, and earlier subscribers."""
+"""The start of the simulator: a world file and a robot."""
 
 from __future__ import annotations
 
-import os
-from contextlib import suppress
 from dataclasses import asdict, replace
 from pathlib import Path
-from urllib.parse import urlparse
 
-import rosgraph
-import rosgraph.network
 import rospy
 
 from g1_description.errors import DescriptionError, InvalidValueError
@@ -20,57 +15,11 @@ from g1_description.gazebo.services.spawn import log_hulls
 from g1_description.motion.motors import Motors, named_motors, read_motors
 from g1_description.robot.assembly import Assembly
 from g1_description.robot.profile import is_name
-from g1_description.ros.master import SLAVE_API_ERRORS, slave_api_of
 from g1_description.ros.parameters import private_parameters
 from g1_description.sdf.world import EMPTY_WORLD, Sdf, read_sdf
 from g1_description.sim.engine import GRAVITY_AXES
 from g1_description.sim.world import World
 from g1_description.text import listed
-
-LAUNCH_TIME = 1.0
-"""A node that was started at most this long before the simulator, in [s], belongs to
-the same launch and has not seen an older clock."""
-
-ANSWER_TIMEOUT = 0.5
-"""Longest time in [s] for an answer of a node."""
-
-
-def find_listeners() -> frozenset[str]:
-    """Find the subscribers of /clock, if one may have seen an older clock.
-
-    Returns:
-        Names of the nodes that answer; none if all were started with or after this
-        node. Nodes on other hosts count as older.
-    """
-    name, starts = rospy.get_name(), {}
-    with suppress(*SLAVE_API_ERRORS, rosgraph.MasterException):
-        master = rosgraph.Master(name)
-        _, subscribers, _ = master.getSystemState()
-        listeners = {*dict(subscribers).get(rospy.resolve_name("/clock"), ())} - {name}
-        for node in listeners:
-            ignored = (rosgraph.MasterException, TypeError, ValueError)
-            with suppress(*SLAVE_API_ERRORS, *ignored):
-                starts[node] = _start_of_node(master.lookupNode(node))
-    begin = _start_of(os.getpid()) - LAUNCH_TIME
-    is_any_old = any(start < begin for start in starts.values())
-    return frozenset(starts) if is_any_old else frozenset()
-
-
-def _start_of_node(address: str) -> float:
-    """Return the start of a node, as ``_start_of``; 0 if it is on another host."""
-    _, _, process = slave_api_of(address, ANSWER_TIMEOUT).getPid(rospy.get_name())
-    if not rosgraph.network.is_local_address(urlparse(address).hostname):
-        return 0.0
-    return _start_of(int(process))
-
-
-def _start_of(process: int) -> float:
-    """Return the start of a process in [s] since boot; 0 if it is not visible."""
-    try:
-        line = Path(f"/proc/{process}/stat").read_bytes()
-    except OSError:
-        return 0.0
-    return int(line.rsplit(b")", 1)[1].split()[19]) / os.sysconf("SC_CLK_TCK")
 
 
 def make_world(parameters: GazeboParameters) -> tuple[World, GazeboParameters]:

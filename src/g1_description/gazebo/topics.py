@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import struct
 import time
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 
 from gazebo_msgs.msg import LinkStates, ModelStates, WorldState
 from rosgraph_msgs.msg import Clock
@@ -30,12 +30,13 @@ SETTLE_TIME = 0.1
 """Delay of a state after a change while time stands still, in [s] of wall time: a
 script that sets and then steps has stepped by then."""
 
-INTRODUCTION = 1.0
-"""Longest wait in [s] of wall time for listeners of an earlier simulator to connect to
-the new /clock. roscpp takes up to a quarter of a second."""
+START_SILENCE = 0.3
+"""Silence after the start in [s] of wall time, in which only /clock is published: until
+then, subscribers of an earlier simulator may be at its time. roscpp takes up to a
+quarter of a second to connect."""
 
 CLOCK_PERIOD = 0.01
-"""Time between two messages of /clock during that wait, in [s]."""
+"""Time between two messages of /clock in that silence, in [s]."""
 
 STALL_TIMEOUT = 0.5
 """Time without progress after which a subscriber is no longer waited for, in [s]."""
@@ -44,28 +45,20 @@ STALL_TIMEOUT = 0.5
 class StateTopics:
     """Publishes /clock, then the states of that time."""
 
-    def __init__(
-        self,
-        world: World,
-        parameters: GazeboParameters,
-        listeners: Collection[str] = (),
-    ) -> None:
+    def __init__(self, world: World, parameters: GazeboParameters) -> None:
         """Advertise the topics.
 
         Args:
             world: Source of the states.
             parameters: Rates, and whether only /clock is published.
-            listeners: Nodes that must have connected to /clock before states are
-                published, as one may have seen the time of an earlier simulator.
         """
         self._world = world
         self._parameters = parameters
         self._seq = 0
         self._clock_ns = self._sent_ns = world.time_ns
         self._sent = self._changed = time.monotonic()
-        self._awaited, self._awaited_until = listeners, math.inf
-        self._silent_until = math.inf if listeners else self._sent
-        self._introduced = self._sent
+        self._silent_until = self._introduced_until = math.inf
+        self._introduced = -math.inf
         self._is_settled = False
         self._shown: tuple[int, bytes] | None = None
         self._links, self._models = LinkStatesEncoder(), LinkStatesEncoder()
@@ -140,23 +133,12 @@ class StateTopics:
             self._publish_clock()
             self._sent_ns = self._world.time_ns
             self._silent_until = now + RESET_SILENCE if is_heard else now
-        if self._awaited:
-            self._introduce(now)
-        return now < self._silent_until
-
-    def _introduce(self, now: float) -> None:
-        """Publish /clock until all listeners of an earlier simulator have connected."""
-        is_first = self._silent_until == math.inf
-        if is_first:  # until now the node advertised services
-            self._awaited_until = now + INTRODUCTION
-        is_complete = all(self._clock.is_heard_by(node) for node in self._awaited)
-        if is_first or (not is_complete and now < self._awaited_until):
-            self._silent_until = now + RESET_SILENCE
-        if now >= self._silent_until:
-            self._awaited = ()
-        elif is_first or now >= self._introduced + CLOCK_PERIOD:
+        if self._silent_until == math.inf:  # until now the node advertised services
+            self._silent_until = self._introduced_until = now + START_SILENCE
+        if self._introduced + CLOCK_PERIOD <= now < self._introduced_until:
             self._introduced = now
             self._publish_clock()
+        return now < self._silent_until
 
     def change(self) -> None:
         """Record that the world may have changed while time stands still."""

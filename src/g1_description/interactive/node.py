@@ -16,7 +16,6 @@ import rospy
 from g1_description.collisions.find_pairs import collisions_of
 from g1_description.errors import G1DescriptionError
 from g1_description.ros.lifecycle import start_node
-from g1_description.ros.master import stay_registered
 from g1_description.ros.parameters import check_files, read_parameters
 from g1_description.ros.robot_view import RobotView
 
@@ -55,7 +54,6 @@ def main() -> None:
         file = Path(parameters.collisions) if parameters.collisions else None
         namespace = rospy.get_namespace().strip("/")
         robot = RobotView(namespace, lambda text: rospy.loginfo("%s", text))
-        stay_registered()
         shapes = partial(collisions_of, robot.description, file)
         InteractiveMarkers(robot, shapes).run()
     except G1DescriptionError as error:

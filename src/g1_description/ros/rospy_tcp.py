@@ -32,10 +32,6 @@ MAX_WAITING_CLIENTS = 1024
 MAX_HEADER_SIZE = 65536
 """Longest handshake header in bytes: a few names and a message definition."""
 
-HANDSHAKE = threading.local()
-"""In the thread of a handshake: the ``descriptor`` of its socket, which ``publisher``
-needs."""
-
 _LENGTH = struct.Struct("<I")
 
 
@@ -47,7 +43,6 @@ def serve_as_roscpp() -> None:
 
     def wait_and_shake_hands(server, sock, address):
         if _header_has_come(sock):
-            HANDSHAKE.descriptor = sock.fileno()
             shake_hands(server, sock, address)
         else:
             sock.close()

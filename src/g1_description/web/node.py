@@ -24,7 +24,6 @@ from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.ros.lifecycle import at_shutdown, start_node
 from g1_description.ros.log import ThrottledLog
-from g1_description.ros.master import stay_registered
 from g1_description.ros.parameters import read_parameters
 from g1_description.ros.playing import Session
 from g1_description.web.live_robot import LiveRobot
@@ -151,6 +150,5 @@ def main() -> None:
     except rospy.ROSInterruptException:  # while waiting for the robots
         return
     at_shutdown(show.stop)
-    stay_registered()
     tell_address(show, parameters.server, lambda text: rospy.loginfo("%s", text))
     show.run()
