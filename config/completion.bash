@@ -19,7 +19,7 @@ _g1_description_poses() {
 # motion, and the links of the doctor; tools/tables writes them.
 declare -gA _g1_description_options
 # table of commands
-_g1_description_options[check]="--against --all --collisions --csv --dask --engine --fixed-base --format --fps --help --html --input-joint-order --jobs --json --model --motors --no-visual-hulls --only --order --physics --pictures --plot --quiet --selection --shift --thresholds --topic --watch --write-selection"
+_g1_description_options[check]="--against --all --collisions --csv --dask --engine --fixed-base --format --fps --help --html --input-joint-order --jobs --json --model --motors --no-visual-hulls --only --order --physics --plot --quiet --selection --shift --thresholds --topic --watch --write-selection"
 _g1_description_options[collision_pairs]="--help --out --samples --seed"
 _g1_description_options[doctor]="--help --json --namespace --until"
 _g1_description_options[import_model]="--convex-collisions --decimate --force --help --keep-missing --out --tolerance"
@@ -30,7 +30,7 @@ _g1_description_options[pose]="--about --anchor --file --force --help --list --m
 _g1_description_options[record]="--force --gazebo --help --last --model --namespace --rate --seconds"
 _g1_description_options[snapshot]="--fps --gif --help --joints --model --motion --motion-format --motion-fps --motion-order --motion-topic --namespace --seconds --size --times --view"
 _g1_description_options[web]="--collisions --compare --format --fps --help --host --model --motion --order --port --read-only --report --selection --thresholds --topic"
-_g1_description_flags=" --all --convex-collisions --fastest --fixed-base --force --gif --json --keep-missing --list --loop --no-visual-hulls --on-floor --physics --pictures --quiet --read-only --start-here --stay --watch "
+_g1_description_flags=" --all --convex-collisions --fastest --fixed-base --force --gif --json --keep-missing --list --loop --no-visual-hulls --on-floor --physics --quiet --read-only --start-here --stay --watch "
 _g1_description_files=" --against --collisions --compare --csv --file --html --json --model --motion --motors --out --plot --report --selection --thresholds --write-selection "
 _g1_description_motion="info convert cut join mirror retime resample pad floor rename"
 _g1_description_links="python packages master address nodes description meshes simulator clock time link_states bridge model urdf joint_states state_publisher tf diagnostics picture"

@@ -446,19 +446,6 @@ def test_the_page_has_the_robot_and_each_motion(folder):
         assert text.count('<section class="file"') == 3
 
 
-def test_the_terminal_shows_the_robot_at_its_worst(folder, capsys, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "90")
-    (folder / "post.urdf").write_text(POST.replace("</link>", f"{BOX}</link>", 1))
-    (file,) = write_motions(folder, FAILS)
-    assert run(file, "--pictures") == 1
-    table, *rest = capsys.readouterr().out.split("\n\n")
-    n_causes = len(table.splitlines()) - 4  # the file, the head, what is skipped
-    assert sum(part.count(" at 0.") + part.count(" at 1.") for part in rest) == n_causes
-    colors = re.findall(r"38;2;(\d+);(\d+);(\d+);48", "".join(rest))
-    is_red = [int(r) - max(int(g), int(b)) > 60 for r, g, b in colors]
-    assert sum(is_red) > 20 * n_causes
-
-
 def is_running(group):
     """Tell whether any process of a group is there."""
     try:

@@ -89,9 +89,6 @@ class FileChecker(FileWorker):
     reader: Reader = read_motion
     """Reads files."""
 
-    draw: Callable[[Motion, Verdict], tuple[bytes, ...]] | None = None
-    """Draws pictures of the first causes of findings, as PNG; None: there are none."""
-
     scene: Callable[[Motion, Verdict], str] | None = None
     """Writes motions for the page of a report; None: there is none."""
 
@@ -111,14 +108,13 @@ class FileChecker(FileWorker):
 
                 joints = self.checker.description.movable_joints
                 plot = motion_plot(name, verdict, joints)
-            moments = self.draw(motion, verdict) if self.draw is not None else ()
             scene = self.scene(motion, verdict) if self.scene is not None else ""
         except G1DescriptionError as error:
             return FileResult(name, problem=str(error))
         except Exception as error:
             return FileResult(name, problem=mishap(error))
         verdict = replace(verdict, measured=None)
-        return FileResult(name, verdict, plot=plot, moments=moments, scene=scene)
+        return FileResult(name, verdict, plot=plot, scene=scene)
 
     def read(self, name: str, content: Content) -> Motion | FileResult:
         """Read a motion; the outcome where there is none."""

@@ -192,7 +192,7 @@ def packed(checker: FileChecker) -> bytes:
         OSError: If a mesh cannot be read.
     """
     # Workers lack the meshes that pictures need.
-    sent = replace(checker, reader=read_motion, topic=None, draw=None)
+    sent = replace(checker, reader=read_motion, topic=None)
     meshes = {}
     if checker.checker.physics is not None:
         for link in checker.checker.description.links:

@@ -48,9 +48,6 @@ class FileResult:
     plot: bytes = b""
     """A picture as PNG; empty if none was requested."""
 
-    moments: tuple[bytes, ...] = ()
-    """Pictures of the first causes of its findings, as PNG; empty if not requested."""
-
     scene: str = ""
     """The motion as the page of a report draws it; empty if not requested."""
 
@@ -66,7 +63,7 @@ class FileResult:
 
     def without_plot(self) -> FileResult:
         """Return a copy without the pictures."""
-        return replace(self, plot=b"", moments=(), scene="")
+        return replace(self, plot=b"", scene="")
 
 
 def counted(results: Iterable[str]) -> dict[str, int]:

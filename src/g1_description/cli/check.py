@@ -8,10 +8,9 @@ from __future__ import annotations
 import argparse
 import os
 import re
-import shutil
 import sys
 import time
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 from contextlib import closing, suppress
 from dataclasses import dataclass
 from functools import partial
@@ -21,7 +20,6 @@ from typing import TextIO
 from g1_description.api import Robot
 from g1_description.bounds import MAX_PORT
 from g1_description.checks.batch import FileChecker, Here, Processes, Task, check_files
-from g1_description.checks.causes import cause_text
 from g1_description.checks.cluster import Cluster
 from g1_description.checks.report import (
     NO_MOTION,
@@ -59,9 +57,7 @@ from g1_description.motion import selection as selections
 from g1_description.motion.files.formats import ENDINGS
 from g1_description.motion.paths import split
 from g1_description.motion.selection import Selection
-from g1_description.render.findings import FindingPictures
 from g1_description.render.page_data import motion_data
-from g1_description.render.terminal import beside
 from g1_description.robot.launch_arguments import ENGINES
 from g1_description.ros.lifecycle import own_arguments
 from g1_description.text import listed, similar_first
@@ -180,11 +176,6 @@ class CheckOptions:
     html: Path | None = option(
         "write a page with the robot, causes and plots", None, Path, metavar="FILE"
     )
-    pictures: bool = option(
-        "draw the robot at the worst time of the first eight causes in the terminal, "
-        "which needs 24-bit colours",
-        False,
-    )
     against: Path | None = option(
         "compare with this reference, or with those of the same names in this folder",
         None,
@@ -239,7 +230,7 @@ class CheckOptions:
         if self.watch and self.dask is not None:
             raise InvalidValueError("--watch and --dask cannot be combined")
         names = ("csv", "plot", "html", "write_selection", "dask", "only", "quiet")
-        names += ("watch", "pictures")
+        names += ("watch",)
         unfit = [f"--{name.replace('_', '-')}" for name in names if getattr(self, name)]
         unfit += ["--jobs"] if self.jobs > 1 else []
         if self.against is not None and unfit:
@@ -251,26 +242,22 @@ class CheckOptions:
 class Results:
     """Collects outcomes; prints each once all before it are printed."""
 
-    def __init__(self, n_files: int, stream: TextIO | None, has_pictures: bool) -> None:
+    def __init__(self, n_files: int, stream: TextIO | None) -> None:
         """Start the progress bar.
 
         Args:
             n_files: Number of files.
             stream: Where tables are printed; None: nowhere.
-            has_pictures: Whether the robot is drawn below a table.
         """
         self.outcomes: dict[int, FileResult] = {}
         """By the number of the file."""
         self._n_files = n_files
         self._printer = Printer(n_files, stream)
-        self._has_pictures = has_pictures
 
     def add(self, task: Task, outcome: FileResult) -> None:
         """Add the outcome of a file."""
         self.outcomes[task.number] = outcome.without_plot()
         text = outcome_text(outcome) if self._printer.stream is not None else ""
-        if text and self._has_pictures:
-            text = "\n".join((text, *_in_terminal(outcome)))
         self._printer.add(task.number, text)
 
     def close(self) -> None:
@@ -281,19 +268,6 @@ class Results:
     def n_missing(self) -> int:
         """Number of files that are not done."""
         return self._n_files - len(self.outcomes)
-
-
-def _in_terminal(outcome: FileResult) -> Iterator[str]:
-    """Draw the causes of a file's findings, as many in a row as the terminal has."""
-    if outcome.verdict is None:
-        return
-    drawn = [*zip(outcome.verdict.causes, outcome.moments)]
-    in_a_row = max(1, shutil.get_terminal_size().columns // (COLUMNS + 2))
-    for first in range(0, len(drawn), in_a_row):
-        row = drawn[first : first + in_a_row]
-        yield ""
-        yield from (f"  {cause_text(findings)}" for findings, _ in row)
-        yield beside([png for _, png in row], COLUMNS)
 
 
 def notify(text: str) -> None:
@@ -324,7 +298,7 @@ def check(args: CheckOptions, checker: FileChecker | None = None) -> int:
     is_free = STDOUT not in (args.json, args.csv)
     stream = sys.stdout if is_free and not args.quiet else None
     code, is_interrupted = INTERRUPTED, False
-    with closing(Results(len(files.tasks), stream, args.pictures)) as results:
+    with closing(Results(len(files.tasks), stream)) as results:
         try:
             with closing(_pool(args, checker, len(files.tasks))) as pool:
                 for task, outcome in check_files(pool, files.tasks):
@@ -349,9 +323,6 @@ def check(args: CheckOptions, checker: FileChecker | None = None) -> int:
     code = exit_code(results.outcomes.values(), files.named)
     return code or (MISUSE if reports.problems else 0)
 
-
-COLUMNS = 38
-"""Width of a picture in the terminal, in characters: two in 80."""
 
 INTERVAL = 0.3
 """Time between two looks for changes of watched files, in [s]."""
@@ -441,7 +412,6 @@ def file_checker(args: CheckOptions) -> FileChecker:
         args.order,
         args.format,
         args.input_joint_order,
-        draw=FindingPictures(description).draw if args.pictures else None,
         scene=partial(motion_data, description) if args.html else None,
     )
 
