@@ -49,30 +49,6 @@ def text(content):
     return b"X" + struct.pack("<I", len(data)) + data
 
 
-def of_encoding():
-    """Encode one text of 40 MB a hundred times."""
-    name = b"c_codecs\nencode\n"
-    return (
-        b"\x80\x02]("
-        + text("x" * 40_000_000)
-        + b"q\x01"
-        + (name + b"h\x01\x85R") * 100
-        + b"e."
-    )
-
-
-def whole_number(number):
-    """Pickle a number."""
-    return pickle.dumps(number, 2)[2:-1]
-
-
-def wrapper(shape):
-    """Make joblib's note of an array whose shape is a tuple or what is given."""
-    begin = b"\x80\x02cjoblib.numpy_pickle\nNumpyArrayWrapper\n)\x81}("
-    kind = text("dtype") + pickle.dumps(np.dtype("<f8"), 2)[2:-1]
-    return begin + text("shape") + b"(" + shape + b"t" + kind + b"ub."
-
-
 def torch(shape, stride):
     """Make a file of torch with a tensor of one number."""
     numbers = b"".join(pickle.dumps(part, 2)[2:-1] for part in (0, shape, stride))
@@ -81,25 +57,6 @@ def torch(shape, stride):
     items = b"".join(text(name) + b"N" for name in ("rigid_body_pos", "rigid_body_rot"))
     items += text("fps") + b"K\x01" + text("dof_pos") + content
     return zipped({"a/data.pkl": b"\x80\x02}(" + items + b"u.", "a/data/0": bytes(4)})
-
-
-def of_size():
-    """Make a file of torch with a list of one number, a billion times."""
-    place = b"((X\x07\0\0\0storagectorch\nFloatStorage\nX\x01\0\0\x000NK\x01tQ"
-    numbers = b"".join(whole_number(part) for part in (0, (10**9,), (0,)))
-    tensor = b"ctorch._utils\n_rebuild_tensor_v2\n" + place + numbers + b"tR"
-    content = b"\x80\x02ctorch\nSize\n" + tensor + b"\x85R."
-    return zipped({"a/data.pkl": content, "a/data/0": bytes(4)})
-
-
-def of_scalars():
-    """Copy 90 MB of text a hundred times, packed."""
-    size = 90_000_000
-    begin = b"\x80\x04](cnumpy.core.multiarray\nscalar\nq\x01cnumpy\ndtype\n"
-    kind = text(f"S{size}") + b"\x85Rq\x02"
-    content = b"B" + struct.pack("<I", size) + b"x" * size + b"q\x03"
-    copies = b"h\x01h\x02h\x03\x86R" * 100
-    return zlib.compress(begin + kind + content + copies + b"e.", 1)
 
 
 def of_dictionary():
@@ -115,14 +72,6 @@ def of_merges(depth):
     for n in range(depth):
         lines.append(f"m{n + 1}: &m{n + 1} {{<<: [{', '.join([f'*m{n}'] * 10)}]}}")
     return "\n".join([*lines, "joint_names: [a]", "points: []"])
-
-
-def of_aliases(depth):
-    """Make lists of ten of the ones before, again and again."""
-    lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
-    for n in range(depth):
-        lines.append(f"a{n + 1}: &a{n + 1} [{', '.join([f'*a{n}'] * 10)}]")
-    return "\n".join([*lines, f"joint_names: [*a{depth}]", "points: []"])
 
 
 def record(fields, data=b""):
@@ -178,42 +127,14 @@ def bz2_bomb():
     return base64.b64decode(PACKED_ZEROS)
 
 
-def lz4_bomb():
-    """Pack 150 MB of zeros into half a megabyte."""
-    roslz4 = pytest.importorskip("roslz4")
-    packer = roslz4.LZ4Compressor()
-    parts = [packer.compress(bytes(1_000_000)) for _ in range(150)]
-    return b"".join([*parts, packer.flush()])
-
-
 HOSTILE = {
     "bag of bz2": (
         lambda: bag(bz2_bomb(), b"bz2", 10**6),
         "A chunk of the bag has more than 100 MB",
     ),
-    "bag of lz4": (
-        lambda: bag(lz4_bomb(), b"lz4", 10**6),
-        "A chunk of the bag has more than 100 MB",
-    ),
-    "other packing": (lambda: bag(b"", b"zip"), "'zip' is not supported"),
     "many messages": (
         lambda: bag(message(bytes(32)) * 260_000, count=260_000),
         "more than 250000 messages",
-    ),
-    "tuples as name": (
-        lambda: b"\x80\x04K\x01" + b"\x94h\x00\x86" * 60 + b"K\x01\x93.",
-        "cannot be read: STACK_GLOBAL requires str",
-    ),
-    "encoding": (of_encoding, "too large"),
-    "scalars": (of_scalars, "too large"),
-    "size of torch": (of_size, "a size that is not a tuple"),
-    "many steps": (
-        lambda: b"\x80\x02](" + b"N" * 50_000_000,
-        "more than 2000000 opcodes",
-    ),
-    "arguments": (
-        lambda: b"\x80\x02ccollections\nOrderedDict\n" + text("x" * 30_000_000) + b"R.",
-        "wrong arguments of a call",
     ),
     "bytes of 10 GB": (
         lambda: b"\x80\x05\x96" + struct.pack("<Q", 10**10) + bytes(100),
@@ -223,48 +144,11 @@ HOSTILE = {
         lambda: b"\x80\x02cnumpy\ndtype\n" + text("f8," * 3_000_000) + b"\x85R.",
         "unknown dtype",
     ),
-    "calls": (
-        lambda: (
-            b"\x80\x02ccollections\nOrderedDict\nq\x01]("
-            + b"N" * 500_000
-            + b"tq\x02"
-            + b"h\x01h\x02R" * 100_000
-        ),
-        "wrong arguments of a call",
-    ),
-    "colliding names": (
-        lambda: (
-            b"\x80\x02}("
-            + b"".join(whole_number(n * (2**61 - 1)) + b"N" for n in range(300_000))
-            + b"u."
-        ),
-        "has no items with names",
-    ),
-    "long number": (
-        lambda: b"\x80\x02L" + b"9" * 20_000_000 + b"L\n.",
-        "the opcode 0x4c, which is not allowed",
-    ),
-    "large shape": (
-        lambda: wrapper(b"".join(whole_number(2**2000) for _ in range(100_000))),
-        "impossible shape",
-    ),
-    "many axes": (
-        lambda: wrapper(whole_number(200) * 300_000),
-        "The pickle ends too early",
-    ),
-    "long shape": (
-        lambda: wrapper(text("9" * 20_000_000)),
-        "impossible shape",
-    ),
     "zlib": (
         lambda: zlib.compress(bytes(300_000_000), 1),
         "Decompressed, the file has more than 200 MB",
     ),
     "lzma": (of_dictionary, "Memory usage limit exceeded"),
-    "compressed text": (
-        lambda: zlib.compress(b"\x80\x02]" + text("x" * 150_000_000), 1),
-        "text, or arrays encoded as text, are too large",
-    ),
     "many members": (
         lambda: zipped({f"{n}.npy": b"" for n in range(20_000)}, zipfile.ZIP_STORED),
         "more than 10000 files",
@@ -279,63 +163,26 @@ HOSTILE = {
         lambda: torch((10**9, 29, 3), (0, 0, 0)),
         "dof_pos has 87000000000 numbers",
     ),
-    "beyond a storage": (
-        lambda: torch((10**9, 29), (29, 1)),
-        "larger than its storage",
-    ),
     "many fields": (
         lambda: b"\x08\x01" * 40_000_000 + b"body_quat_w",
         "more than 500000 fields",
-    ),
-    "many keys": (
-        lambda: "<mujoco><keyframe>" + "<key qpos='0'/>" * 3_000_000,
-        "The model is 45 MB; the limit is 10 MB",
     ),
     "entities": (
         lambda: "<!DOCTYPE a [<!ENTITY b 'c'>]><mujoco>&b;</mujoco>",
         "DOCTYPE",
     ),
-    "many frames": (
-        lambda: '{"FrameDuration": 1, "Frames": [' + "[]," * 6_000_000,
-        "18 million characters",
-    ),
-    "empty frames": (
-        lambda: '{"FrameDuration": 1, "Frames": [' + "[]," * 4_900_000 + "[]]}",
-        "Frames has no numbers",
-    ),
     "nested frames": (
         lambda: '{"FrameDuration": 1, "Frames": ' + "[" * 5_000_000,
         "not JSON: maximum recursion depth",
     ),
-    "nested lists": (lambda: "joint_names: " + "[" * 200_000, "is nested 21 levels"),
-    "nested lines": (
-        lambda: "joint_names:\n" + "\n".join(" " * n + "-" for n in range(1500)),
-        "is nested 21 levels",
-    ),
     "merges": (lambda: of_merges(30), "Line 1 has an anchor"),
-    "aliases": (lambda: of_aliases(30), "Line 1 has an anchor"),
     "long text": (
         lambda: "joint_names: [" + "a, " * 5_000_000,
         "15 million characters",
     ),
-    "long list": (
-        lambda: "joint_names: [" + "a, " * 990_000 + "]\npoints: []",
-        "names",
-    ),
     "two columns": (lambda: "time,left_elbow_joint\n" + "1,2\n" * 1_000_000, "lines"),
-    "two numbers": (lambda: "1,2\n" * 25_000_000, "more than 1000000 lines"),
-    "many rows": (
-        lambda: ",".join(["0"] * 36) + "\n" + (",".join(["0"] * 36) + "\n") * 230_000,
-        "more than 8000000 numbers",
-    ),
     "no lines": (lambda: "\n" * 1_000_001, "more than 1000000 lines"),
-    "old lines": (lambda: "#\r" * 1_000_001, "more than 1000000 lines"),
-    "one line": (lambda: "1" * 20_000_000, "Line 1 has 20000000 characters"),
     "a million columns": (lambda: ",".join(["0.5"] * 1_000_000), "characters"),
-    "a million names": (
-        lambda: "time," + ",".join(f"a{n}" for n in range(1_000_000)),
-        "characters",
-    ),
     "claim of 10 GB": (
         lambda: zipped(
             {

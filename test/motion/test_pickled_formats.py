@@ -4,7 +4,6 @@ import io
 import json
 import pickle
 import pickletools
-import struct
 import sys
 import zipfile
 import zlib
@@ -625,35 +624,6 @@ def test_velocities_that_a_format_does_not_have_are_told(g1, tmp_path):
     bare = Motion(motion.times, motion.joint_names, motion.positions)
     with pytest.raises(MotionError, match="needs base poses"):
         write_motion(tmp_path / "motion.pkl", bare, g1, name="gmr")
-
-
-@pytest.mark.parametrize(
-    "content, words",
-    [
-        (b"\x80\x02\x82\x01.", "opcode 0x82, which is not allowed"),
-        (b"\x80\x02L" + b"9" * 100_000 + b"L\n.", "opcode 0x4c"),
-        (b"\x80\x02K\x01Q.", "persistent id"),
-        (wrapped((2**40, 2)) + b".", "impossible shape"),
-        (wrapped((100,)) + bytes(500), "ends too early"),
-        (b"\x80\x05\x96" + struct.pack("<Q", 10**10), "ends too early"),
-        (b"\x80\x02ccollections\nOrderedDict\nK\x01R.", "wrong arguments of a call"),
-        (b"\x80\x02]K\x01K\x01s.", "sets items of list"),
-    ],
-)
-def test_a_pickle_of_other_opcodes_is_refused(content, words):
-    with pytest.raises(MotionError, match=words):
-        read_pickle(content)
-
-
-def test_registered_extensions_stay_as_they_are(monkeypatch):
-    """Python's own reader would keep the replacement of a name for all programs."""
-    import copyreg
-
-    monkeypatch.setitem(copyreg._inverted_registry, 1, ("numpy", "dtype"))
-    before = dict(copyreg._extension_cache)
-    with pytest.raises(MotionError, match="opcode 0x82"):
-        read_pickle(b"\x80\x02\x82\x01.")
-    assert copyreg._extension_cache == before
 
 
 def test_names_that_are_not_text_are_left_out():
