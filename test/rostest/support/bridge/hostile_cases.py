@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-import struct
 from typing import NamedTuple
 
 from geometry_msgs.msg import Pose, Twist
 from scipy.spatial.transform import Rotation
 from std_msgs.msg import String
 
-from ..examples import strategies as st
 from .arm import LINKS, arm_states
 from tcpros import LENGTH, body_of
 from tcpros import packed as text
@@ -180,34 +178,3 @@ def _good():
         "another model before it": Case(body_of(more)),
         "ten thousand links": Case(body_of(most)),
     }
-
-
-NUMBERS = st.sampled_from([0, 1, 4, 5, 255, 2**16, 2**31 - 1, 2**31, MANY])
-DOUBLES = st.floats().map(lambda number: struct.pack("<d", number))
-PIECE = st.one_of(st.binary(max_size=40), NUMBERS.map(LENGTH.pack), DOUBLES)
-
-
-@st.composite
-def mutations(draw):
-    """Draw a good message that something happened to, once to four times."""
-    data = body_of(arm_states(**SHOWN))
-    for _ in range(draw(st.integers(1, 4))):
-        begin = draw(st.integers(0, len(data)))
-        length = draw(st.integers(0, 60))
-        data = draw(
-            st.sampled_from(
-                [
-                    _overwritten(data, begin, draw(PIECE)),
-                    data[:begin] + draw(PIECE) + data[begin:],
-                    data[:begin] + data[begin + length :],
-                    data[:begin] + data[begin : begin + length] + data[begin:],
-                    data[:begin],
-                ]
-            )
-        )
-    return data
-
-
-def _overwritten(data, begin, piece):
-    """Put bytes in the place of others."""
-    return data[:begin] + piece + data[begin + len(piece) :]

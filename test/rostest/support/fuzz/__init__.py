@@ -1,1 +1,0 @@
-"""Random and hostile requests, files and worlds for the live stand-in."""
