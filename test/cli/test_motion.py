@@ -4,6 +4,7 @@ import json
 import os
 import signal
 import sys
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -55,8 +56,9 @@ def read(path):
     return formats.read_motion(path, post())
 
 
-def test_a_motion_is_described(folder, capsys):
-    write_motions(folder, 0.5)
+@pytest.mark.parametrize("begin", [0.0, 100.0])
+def test_a_motion_is_described(folder, capsys, begin):
+    begun_at(begin, *write_motions(folder, 0.5))
     assert run("info", "motion0.csv") == 0
     assert capsys.readouterr().out.splitlines() == [
         "motion0.csv: table, 1 joints, base, no velocities, 51 samples at 50 Hz, "
@@ -96,15 +98,27 @@ EDITS = {
 }
 
 
+def begun_at(begin, file):
+    """Let a motion begin at another time than 0 s."""
+    found = read(file)
+    later = replace(found, times=begin + found.times)
+    formats.write_motion(file, later, post())
+
+
 @pytest.mark.parametrize("what", EDITS)
-@pytest.mark.parametrize("ending", ["csv", "npz"])
-def test_a_motion_is_edited_and_written(folder, capsys, what, ending):
-    write_motions(folder, 0.5, 0.3)
+@pytest.mark.parametrize(
+    ("ending", "begin"), [("csv", 0.0), ("npz", 0.0), ("csv", 100.0)]
+)
+def test_a_motion_is_edited_and_written(folder, capsys, what, ending, begin):
+    for file in write_motions(folder, 0.5, 0.3):
+        begun_at(begin, file)
     words, n_samples, duration = EDITS[what]
+    if what == "cut":
+        words = [w if w.startswith("--") else str(begin + float(w)) for w in words]
     out = f"out.{ending}"
     assert run(what.split()[0], "motion0.csv", *words, "--out", out) == 0
     found = read(folder / out)
-    assert (len(found.times), found.times[0]) == (n_samples, 0.0)
+    assert len(found.times) == n_samples and (begin or found.begin == 0.0)
     if duration:
         assert found.duration == pytest.approx(duration)
         assert f"{n_samples} samples, {duration:.2f} s" in capsys.readouterr().out

@@ -259,12 +259,13 @@ def test_the_robot_is_stopped_on_its_way_to_a_single_sample(robot):
     assert robot.bridge.calls == ["play", "stop"]
 
 
-def test_a_motion_is_led_in_to_a_rest_and_then_goes_on_as_it_is(robot):
-    session = lead_in(robot, [0.0, 1.0, 2.0], 0.5)
+@pytest.mark.parametrize("begin", [0.0, 100.0])
+def test_a_motion_is_led_in_to_a_rest_and_then_goes_on_as_it_is(robot, begin):
+    session = lead_in(robot, [begin, begin + 1.0, begin + 2.0], 0.5)
     session.start()
     assert robot.bridge.motions == [[(0.5, 0.0, 0.0), (1.5, 1.0, 2.0), (2.5, 2.0, 3.0)]]
     robot.now_ns = 10**9
-    assert session.time == 0.5
+    assert session.time == begin + 0.5
     session.toggle()
     session.toggle()
     first, *_ = robot.bridge.motions[-1]

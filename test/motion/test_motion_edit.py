@@ -84,6 +84,27 @@ def test_twice_the_speed_is_twice_the_velocities_in_half_the_time():
         np.testing.assert_allclose(quick.velocities, 2 * slow.velocities, atol=1e-8)
 
 
+EDITS = {
+    "cut": lambda m: m.cut(m.begin + 0.1, m.end - 0.1),
+    "retimed": lambda m: m.at_speed(m.duration / 5.0),
+    "resampled": lambda m: m.resampled(50.0),
+    "fastest": lambda m: m.at_speed(2.0),
+    "joined": lambda m: joined([m, motion(1)]),
+    "blended": lambda m: joined([motion(1), m], 0.2),
+}
+
+
+@pytest.mark.parametrize("what", EDITS)
+@given(begin=st.integers(-100, 1000))
+def test_when_it_begins_does_not_change_how_long_it_lasts(what, begin):
+    whole = motion()
+    later = whole.at_speed(1.0, whole.begin - begin)
+    assert later.end - later.begin == later.duration == pytest.approx(whole.duration)
+    before, after = EDITS[what](whole), EDITS[what](later)
+    assert after.duration == pytest.approx(before.duration, abs=1e-9)
+    assert what != "retimed" or after.duration == pytest.approx(5.0)
+
+
 def test_it_is_moved_as_a_whole():
     whole, turn = motion(), Rotation.from_rotvec([0.3, -0.4, 1.2])
     there = moved(whole, np.concatenate([[1.0, 2.0, 3.0], turn.as_quat()]))

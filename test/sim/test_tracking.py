@@ -56,7 +56,7 @@ def play(world, model, motion, also=0.0):
     start = world.time_ns + 1_000_000
     world.motions.play(model, motion, start)
     errors = []
-    for _ in range(round((motion.duration + also) * 1e3) + 1):
+    for _ in range(round((motion.end + also) * 1e3) + 1):
         world.step()
         wanted = sample(motion, 1e-9 * (world.time_ns - start)).positions
         errors.append(model.position[model.joint_rows(motion.joint_names)] - wanted)

@@ -172,7 +172,7 @@ def trajectory_of_goal(
     elapsed = (now_ns - start) / 1e9 if start else 0.0
     rest = remaining(trajectory, elapsed)
     if rest is None:
-        late = elapsed - trajectory.duration
+        late = elapsed - trajectory.end
         raise OldTrajectoryError(
             f"The last point of the trajectory is {late:.3g} s in the past."
         )

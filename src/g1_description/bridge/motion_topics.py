@@ -168,9 +168,9 @@ class MotionTopics:
             stream: Whether to play a single configuration without waiting.
         """
         start, now = stamp.to_nsec(), rospy.Time.now().to_nsec()
-        late = 1e-9 * (now - start) - trajectory.duration
+        late = 1e-9 * (now - start) - trajectory.end
         is_single = len(trajectory.times) == 1
-        is_configuration = trajectory.duration == 0.0
+        is_configuration = trajectory.end == 0.0
         if start and late > 0.0 and not is_configuration:
             raise MotionError(f"the motion ended {late:.3f} s ago")
         if start - now > MAX_LEAD:

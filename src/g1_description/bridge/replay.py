@@ -128,11 +128,11 @@ class Replay:
 
     def _time(self, elapsed: float) -> float:
         """Return the time of the motion to show, in [s]."""
-        begin, speed = self._trajectory.times[0], self._parameters.speed
+        speed = self._parameters.speed
         time = elapsed * speed
         if self._parameters.loop:
-            time %= self._trajectory.duration - begin + REST * speed
-        return begin + time
+            time %= self._trajectory.duration + REST * speed
+        return self._trajectory.begin + time
 
     def _show(self, stamp: rospy.Time, time: float) -> None:
         """Publish the configuration at a time of the motion."""

@@ -183,7 +183,7 @@ class Cut(Edit):
     def edited(self, motion: Motion, robot: Description) -> Motion:
         """Cut it."""
         part = motion.cut(self.begin, self.end)
-        return part.at_speed(1.0, float(part.times[0]))
+        return part.at_speed(1.0, part.begin)
 
 
 @dataclass(frozen=True)

@@ -389,8 +389,7 @@ def drawn_motion(
         InvalidValueError: If a time is outside the motion, or the animation is too
             long.
     """
-    begin = float(motion.times[0])
-    found = sample(motion, _times(args, begin, motion))
+    found = sample(motion, _times(args, motion))
     bases = found.base_poses
     rows = [dict(zip(motion.joint_names, row)) for row in found.positions.tolist()]
     return [
@@ -399,11 +398,11 @@ def drawn_motion(
     ]
 
 
-def _times(args: SnapshotOptions, begin: float, motion: Motion) -> np.ndarray:
+def _times(args: SnapshotOptions, motion: Motion) -> np.ndarray:
     """Choose the times to draw, in [s]."""
-    end = motion.duration
+    begin, end = motion.begin, motion.end
     if args.is_film:
-        whole = max(end - begin, 1.0 / args.fps)
+        whole = max(motion.duration, 1.0 / args.fps)
         seconds = whole if args.seconds is None else min(args.seconds, whole)
         check_length(seconds, args.fps, args.size)
         return begin + np.arange(count(seconds, args.fps)) / args.fps

@@ -108,7 +108,7 @@ def joined(
             raise MotionError(
                 f"Motion {number} cannot be joined: all or none must have a base."
             )
-        shorter = min(one.duration - float(one.times[0]) for one in (whole, other))
+        shorter = min(one.duration for one in (whole, other))
         if not 0.0 <= blend <= shorter:
             raise InvalidValueError(
                 f"The blend must be from 0 to the shortest motion's {shorter:g} s (got "
@@ -121,7 +121,7 @@ def joined(
 def _joined(before: Motion, after: Motion, blend: float, follows: bool) -> Motion:
     """Join two motions of the same joints."""
     gap = _period(after) or _period(before) or SINGLE_TIME
-    begin = before.duration - blend if blend else before.duration + gap
+    begin = before.end - blend if blend else before.end + gap
     if follows and before.base_poses is not None:
         place = sample(before, begin).base_poses
         assert place is not None
@@ -154,8 +154,7 @@ def _joined(before: Motion, after: Motion, blend: float, follows: bool) -> Motio
 
 def _period(trajectory: Motion) -> float:
     """Return the average time between two samples, in [s]; 0 for a single one."""
-    span = trajectory.duration - float(trajectory.times[0])
-    return span / (len(trajectory.times) - 1) if span else 0.0
+    return trajectory.duration / max(len(trajectory.times) - 1, 1)
 
 
 def _blended(before: Motion, after: Motion, blend: float) -> Motion:

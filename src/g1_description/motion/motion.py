@@ -124,15 +124,25 @@ class Motion:
         return self.base_poses
 
     @property
-    def duration(self) -> float:
-        """Time from zero to the last sample, in [s]."""
+    def begin(self) -> float:
+        """Time of the first sample, in [s]."""
+        return float(self.times[0])
+
+    @property
+    def end(self) -> float:
+        """Time of the last sample, in [s]."""
         return float(self.times[-1])
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last sample, in [s]."""
+        return self.end - self.begin
 
     @property
     def rest_time(self) -> float:
         """Time at which it comes to rest at its last sample, in [s]."""
         is_single = len(self.times) == 1 and self.velocities is not None
-        return self.duration + (SINGLE_TIME if is_single else 0.0)
+        return self.end + (SINGLE_TIME if is_single else 0.0)
 
     def cut(self, begin: float | None = None, end: float | None = None) -> Motion:
         """Cut a part out.
@@ -148,12 +158,12 @@ class Motion:
         Raises:
             InvalidValueError: If the part is not inside the motion.
         """
-        first, last = float(self.times[0]), self.duration
-        begin, end = (first if begin is None else begin), (last if end is None else end)
-        if not first <= begin <= end <= last:
+        begin = self.begin if begin is None else begin
+        end = self.end if end is None else end
+        if not self.begin <= begin <= end <= self.end:
             raise InvalidValueError(
                 f"The requested range {begin:g}-{end:g} s is outside the motion "
-                f"({first:g}-{last:g} s)."
+                f"({self.begin:g}-{self.end:g} s)."
             )
         inside = (self.times > begin + SNAP) & (self.times < end - SNAP)
         ends = np.unique([begin, end])
@@ -173,7 +183,7 @@ class Motion:
         velocities = None
         if self.velocities is not None:
             velocities = found.velocities
-            if times[-1] > self.duration - SNAP:
+            if times[-1] > self.end - SNAP:
                 velocities[-1] = self.velocities[-1]
         return replace(
             self,
@@ -198,15 +208,14 @@ class Motion:
         """
         if not 0.0 < rate < np.inf:
             raise InvalidValueError(f"The rate must be greater than 0 (got {rate:g}).")
-        first, last = float(self.times[0]), self.duration
-        n_samples = (last - first) * rate + SAME_END
+        n_samples = self.duration * rate + SAME_END
         if n_samples > MAX_SAMPLES:
             raise InvalidValueError(
                 f"The motion would have {n_samples:.0f} samples at {rate:g} Hz; the "
                 f"limit is {MAX_SAMPLES}."
             )
-        times = first + np.arange(int(n_samples) + 1) / rate
-        found = self.sampled(np.minimum(times, last))
+        times = self.begin + np.arange(int(n_samples) + 1) / rate
+        found = self.sampled(np.minimum(times, self.end))
         return replace(found, times=times, has_times=True)
 
     def at_speed(self, speed: float, start: float = 0.0) -> Motion:
@@ -369,7 +378,7 @@ def _single(trajectory: Motion, times: np.ndarray) -> Sample:
     positions = np.broadcast_to(trajectory.positions[0], (*times.shape, n_joints))
     velocities = np.zeros(positions.shape)
     if trajectory.velocities is not None:
-        is_shown = times > trajectory.duration - SNAP
+        is_shown = times > trajectory.end - SNAP
         is_shown &= times < trajectory.rest_time
         velocities[is_shown] = trajectory.velocities[0]
     if trajectory.base_poses is None:

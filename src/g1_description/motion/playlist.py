@@ -313,7 +313,7 @@ class Following:
         self.start_ns = start_ns
         every = np.arange(len(self.joint_names))
         self._playback = Playback(trajectory, start_ns, every, every)
-        self._end = trajectory.duration
+        self._end = trajectory.end
         self._tolerances, self._has_path = tolerances, tolerances.has_path
         self._is_continuous = is_continuous
         self._reached = np.zeros(len(self.joint_names), dtype=bool)

@@ -175,12 +175,12 @@ class Session:
     @property
     def begin(self) -> float:
         """Time of the first sample, in [s]."""
-        return float(self.trajectory.times[0])
+        return self.trajectory.begin
 
     @property
     def end(self) -> float:
         """Time of the last sample, in [s]."""
-        return self.trajectory.duration
+        return self.trajectory.end
 
     @property
     def time(self) -> float:

@@ -60,9 +60,9 @@ def padded(
     """
     if not 0.0 < seconds < math.inf:
         raise InvalidValueError(f"The time must be greater than 0 (got {seconds:g}).")
-    span = motion.duration - float(motion.times[0])
-    period = span / (len(motion.times) - 1) if span else USUAL_PERIOD
-    parts = [replace(motion, times=motion.times - motion.times[0])]
+    n_gaps = len(motion.times) - 1
+    period = motion.duration / n_gaps if n_gaps else USUAL_PERIOD
+    parts = [motion.at_speed(1.0, motion.begin)]
     if begin is not None:
         parts.insert(0, _way(robot, motion, 0, begin, seconds, period))
     if end is not None:

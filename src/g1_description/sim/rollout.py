@@ -162,7 +162,7 @@ def rollout(
         played = _complete(model, motion)
         start_ns = world.time_ns - round(1e9 * float(played.times[0]))
         world.motions.play(model, played, start_ns)
-        end_ns = start_ns + round(1e9 * played.duration)
+        end_ns = start_ns + round(1e9 * played.end)
         n_steps, stride = _steps(end_ns - world.time_ns, under)
         rows: list[np.ndarray] = []
         tracker: MotionTracker | None = None

@@ -66,7 +66,7 @@ class StillRobot:
             if self._way is not None:
                 trajectory, began = self._way
                 self._take(trajectory, now - began)
-                if now - began >= trajectory.duration:
+                if now - began >= trajectory.end:
                     self._way = None
             base = self._base.copy()
             base[:3] += self.offset
@@ -164,8 +164,8 @@ class ClockPlayer:
     def __init__(self, world: FileWorld, at: float | None) -> None:
         self._world = world
         motions = world.motions.values()
-        self.begin = min(float(m.times[0]) for m in motions)
-        self.end = max(m.duration for m in motions)
+        self.begin = min(m.begin for m in motions)
+        self.end = max(m.end for m in motions)
         self._from = self.begin if at is None else at
         self._speed = 1.0
         self._began: float | None = None

@@ -160,8 +160,8 @@ def even(
 
 def mean_rate(motion: Motion, rate: float | None) -> float:
     """Return the samples per second of a motion on average, or as given."""
-    count, duration = len(motion.times) - 1, motion.times[-1] - motion.times[0]
-    mean = count / duration if count else 30.0
+    count = len(motion.times) - 1
+    mean = count / motion.duration if count else 30.0
     return float(rate or (round(mean) if abs(mean - round(mean)) < 1e-3 else mean))
 
 
