@@ -4,6 +4,7 @@ import io
 import json
 import pickle
 import pickletools
+import re
 import sys
 import zipfile
 import zlib
@@ -20,8 +21,15 @@ from g1_description.motion.files.conventions import (
     G1_JOINTS,
     ISAAC_JOINTS,
 )
-from g1_description.motion.files.formats import motion_names, read_motion, write_motion
+from g1_description.motion.files.formats import (
+    format_name,
+    motion_names,
+    read_motion,
+    read_source,
+    write_motion,
+)
 from g1_description.motion.files.pickles import read_pickle
+from g1_description.motion.files.source import MotionSource
 from g1_description.motion.files.torch_files import read_torch
 from g1_description.motion.motion import Motion
 from g1_description.robot.load import read_model
@@ -603,6 +611,28 @@ def zlib_or_plain(path):
     """Give the content of a file of joblib, which may be compressed."""
     data = path.read_bytes()
     return zlib.decompress(data) if data.startswith(b"x") else data
+
+
+FLAT = {"joint_pos": POSITIONS, "body_pos_w": BASE[:, :3], "body_quat_w": BASE[:, 3:]}
+"""Arrays by the names of tracking, which has the places of several bodies."""
+
+WORDS = r"body_pos_w must have the shape \(4, n, 3\) \(got \(4, 3\)\)"
+
+
+def test_a_file_is_read_in_the_next_format_that_recognises_it(g1, tmp_path):
+    path = tmp_path / "motion.pkl"
+    path.write_bytes(pickle.dumps({**gmr(), **FLAT}))
+    source = MotionSource(path)
+    motion = read_source(source, g1)
+    assert format_name(source) == "gmr"
+    np.testing.assert_array_equal(motion.base_poses, BASE)
+    (note,) = motion.notes
+    assert re.fullmatch(f"Not read as tracking: {WORDS}.", note)
+    path.write_bytes(pickle.dumps({**gmr(), **FLAT, "fps": 0}))
+    with pytest.raises(MotionError, match=f"{WORDS}. Nor is it read as gmr: fps must"):
+        read_motion(path, g1)
+    with pytest.raises(MotionError, match=f"{WORDS}.$"):
+        read_motion(path, g1, name="tracking")
 
 
 @pytest.mark.parametrize("name", ["gmr", "motion_library"])

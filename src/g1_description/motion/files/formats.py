@@ -8,7 +8,7 @@ are in ``WRITERS``; to be recorded, a module has ``most_samples``.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import ModuleType
@@ -82,8 +82,8 @@ FORMATS: Mapping[str, ModuleType] = {
     "trajectory": trajectory_yaml,
     "table": table,
 }
-"""Formats by name. The first one that recognises a file reads it; a table is any other
-text."""
+"""Formats by name. The first one that recognises a file and can read it does; a
+table is any other text."""
 
 W_FIRST = (
     *(beyond_mimic, hdmi, isaac_amp, keyframes, policy, pyroki, qpos, sonic),
@@ -195,40 +195,65 @@ def read_source(
 ) -> Motion:
     """Read a motion as ``read_motion`` does; a source reads its file only once.
 
+    Of several formats that recognise the file, the first one that can read it does.
+
     Args:
         source: The file.
         robot: The robot.
         name: Of the format.
         fits: Whether joints that the robot does not have are left out.
     """
-    file = source.path.name if source.is_folder else source.path.stem
+    errors: dict[str, MotionError] = {}
     try:
-        module = _format(source, name)
-        if source.name is not None and not _names(module, source):
-            raise MotionError("The file has no motions with names.")
-        motion = module.read(source, robot)
-        motion = replace(
-            motion, name=source.name or file, velocities=known_velocities(motion)
-        )
-        motion = with_endings(motion, robot)
-        motion = replace(
-            motion, notes=(*motion.notes, *_ignored(source, module, motion, robot))
-        )
-        if source.rate is not None and motion.has_times:
-            ignored = f"the rate of {source.rate:g} Hz is ignored"
-            notes = (*motion.notes, f"The file has its own times: {ignored}.")
-            motion = replace(motion, notes=notes)
-        motion = fitted(motion, robot) if fits else motion
-        if module is not bag:  # ROS uses radians
-            check_radians(motion, robot)
-            order = "wxyz" if module in W_FIRST else "xyzw"
-            is_open = source.order is None
-            is_fixed = is_open and module in (*W_FIRST, *W_LAST)
-            found = hints(motion, robot, order if is_fixed else None, is_open)
-            motion = replace(motion, notes=(*motion.notes, *found))
-    except MotionError as error:
-        whole = source.path.name + (f"#{source.name}" if source.name else "")
-        raise type(error)(f"{whole}: {error}") from error
+        for own, module in _formats(source, name):
+            try:
+                motion = _read(source, module, robot, fits)
+            except MotionError as error:
+                errors[own] = error
+            else:
+                source.format = own
+                notes = (f"Not read as {_reasons(errors)}",) if errors else ()
+                return replace(motion, notes=(*motion.notes, *notes))
+    except MotionError as error:  # on content that only other formats examine
+        errors = errors or {"": error}
+    first, *others = errors.items()
+    also = f" Nor is it read as {_reasons(dict(others))}" if others else ""
+    whole = source.path.name + (f"#{source.name}" if source.name else "")
+    raise type(first[1])(f"{whole}: {first[1]}{also}") from first[1]
+
+
+def _reasons(errors: Mapping[str, MotionError]) -> str:
+    """List formats with what is wrong."""
+    return "; ".join(f"{name}: {error}" for name, error in errors.items())
+
+
+def _read(
+    source: MotionSource, module: ModuleType, robot: Description, fits: bool
+) -> Motion:
+    """Read a motion in a format."""
+    if source.name is not None and not _names(module, source):
+        raise MotionError("The file has no motions with names.")
+    file = source.path.name if source.is_folder else source.path.stem
+    motion = module.read(source, robot)
+    motion = replace(
+        motion, name=source.name or file, velocities=known_velocities(motion)
+    )
+    motion = with_endings(motion, robot)
+    motion = replace(
+        motion, notes=(*motion.notes, *_ignored(source, module, motion, robot))
+    )
+    if source.rate is not None and motion.has_times:
+        ignored = f"the rate of {source.rate:g} Hz is ignored"
+        notes = (*motion.notes, f"The file has its own times: {ignored}.")
+        motion = replace(motion, notes=notes)
+    motion = fitted(motion, robot) if fits else motion
+    if module is not bag:  # ROS uses radians
+        check_radians(motion, robot)
+        order = "wxyz" if module in W_FIRST else "xyzw"
+        is_open = source.order is None
+        is_fixed = is_open and module in (*W_FIRST, *W_LAST)
+        found = hints(motion, robot, order if is_fixed else None, is_open)
+        motion = replace(motion, notes=(*motion.notes, *found))
     return motion
 
 
@@ -252,7 +277,7 @@ def motion_names(path: Path) -> Sequence[str]:
         MotionError: If the file cannot be read.
     """
     source = MotionSource(path)
-    return _names(_format(source), source)
+    return _names(next(_formats(source))[1], source)
 
 
 def _names(module: ModuleType, source: MotionSource) -> Sequence[str]:
@@ -280,12 +305,13 @@ def format_name(source: MotionSource) -> str:
     Raises:
         MotionError: If there is none.
     """
-    found = _format(source)
-    return next(name for name, module in FORMATS.items() if module is found)
+    return source.format or next(_formats(source))[0]
 
 
-def _format(source: MotionSource, name: str | None = None) -> ModuleType:
-    """Find the format of a file.
+def _formats(
+    source: MotionSource, name: str | None = None
+) -> Iterator[tuple[str, ModuleType]]:
+    """Yield the formats that recognise a file, with their names.
 
     Raises:
         MotionError: If there is none.
@@ -297,14 +323,19 @@ def _format(source: MotionSource, name: str | None = None) -> ModuleType:
     if name is not None:
         if not FORMATS[name].recognise(source):
             raise MotionError(f"The file is not of the format {name}.")
-        return FORMATS[name]
+        yield name, FORMATS[name]
+        return
     whole = source if source.name is None else source.whole
-    if whole.format is None:
-        found = (module for module in FORMATS.values() if module.recognise(whole))
-        whole.format = next(found, None)
-    if whole.format is None:
+    known = whole.recognised
+    for own, module in FORMATS.items():
+        if module is table and any(known.values()):
+            return
+        if own not in known:
+            known[own] = module.recognise(whole)
+        if known[own]:
+            yield own, module
+    if not any(known.values()):
         raise MotionError(_problem(whole))
-    return whole.format
 
 
 def _problem(source: MotionSource) -> str:

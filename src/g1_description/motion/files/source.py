@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache, partial
 from pathlib import Path
-from types import ModuleType
 from typing import Any, Callable, Mapping
 
 import numpy as np
@@ -92,8 +91,10 @@ class MotionSource:
         """Of the base's quaternions: xyzw or wxyz; None: that of the format."""
         self.joint_order = joint_order
         """Of joints without names: mujoco or isaaclab; None: that of the format."""
-        self.format: ModuleType | None = None
-        """Its format, once it is found."""
+        self.format = ""
+        """Name of the format in which it was read."""
+        self.recognised: dict[str, bool] = {}
+        """Whether formats recognise it, by name."""
         self.is_folder = self.path.is_dir()
         self.head = b"" if self.is_folder else self._read(100)
         """The first bytes."""
