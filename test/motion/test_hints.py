@@ -252,15 +252,150 @@ def test_bodies_are_compared_by_their_names(g1, file):
     assert "up to 0.100 m off" in read_motion(file(npz(**arrays)), g1).notes[-1]
 
 
-def test_bodies_tell_that_their_quaternions_are_x_y_z_w(g1, file):
-    arrays = tracked(g1, "xyzw")
-    for lacking in ((), ("joint_names",), ("joint_names", "body_names")):
-        content = npz(**{n: a for n, a in arrays.items() if n not in lacking})
-        (note,) = read_motion(file(content), g1).notes
-        assert "bodies fit only if the quaternions are x y z w" in note
-        motion = read_motion(file(content), g1, order="xyzw")
-        assert motion.notes == ()
-        np.testing.assert_allclose(motion.base_poses, standing()[0], atol=1e-12)
+TILTS = {"standing": (0.0, 0.72), "lying": (-0.5 * np.pi, 0.1)}
+
+
+def placed(g1, order, lies, ahead=0, behind=0):
+    """Make joints, and poses of bodies with quaternions in an order.
+
+    The world is ahead of the robot's, and still objects are behind it.
+    """
+    base, positions = standing(n_samples=6)
+    pitch, base[:, 2] = TILTS[lies]
+    yaws = np.linspace(0.4, 0.8, 6)
+    angles = np.stack([yaws, np.full(6, pitch), np.full(6, 0.1)], axis=1)
+    base[:, 3:] = Rotation.from_euler("ZYX", angles).as_quat()
+    links = ["pelvis", *(joint.child for joint in g1.movable_joints)]
+    poses = Kinematics(g1).link_poses(base, positions)
+    poses = poses[:, [g1.link_names.index(link) for link in links]]
+    still = np.tile([0, 0, 0, 0, 0, 0, 1.0], (6, 1, 1))
+    poses = np.concatenate([*[still] * ahead, poses, *[still + 1.0] * behind], axis=1)
+    links = [*["world"] * ahead, *links, *["crate"] * behind]
+    turns = poses[..., 3:] if order == "xyzw" else poses[..., [6, 3, 4, 5]]
+    return base, positions, links, poses[..., :3], turns
+
+
+def tracking_of(positions, links, places, turns):
+    """Without names, as mjlab writes it."""
+    arrays = {"joint_pos": positions, "body_pos_w": places, "body_quat_w": turns}
+    return npz(fps=[50], **arrays)
+
+
+def tracking_in_isaacs_order(positions, links, places, turns):
+    rows = [JOINTS.index(name) for name in ISAAC_JOINTS]
+    ahead = links.index("pelvis")
+    columns = np.arange(len(links))
+    columns[ahead + 1 : ahead + 30] = ahead + 1 + np.array(rows)
+    places, turns = places[:, columns], turns[:, columns]
+    return tracking_of(positions[:, rows], links, places, turns)
+
+
+def named_tracking(positions, links, places, turns):
+    arrays = {"joint_pos": positions, "body_pos_w": places, "body_quat_w": turns}
+    names = {"joint_names": np.array(JOINTS), "body_names": np.array(links)}
+    return npz(fps=[50], **arrays, **names)
+
+
+def amp_of(positions, links, places, turns):
+    return npz(
+        fps=60,
+        dof_names=np.array(JOINTS),
+        body_names=np.array(links),
+        dof_positions=positions,
+        body_positions=places,
+        body_rotations=turns,
+    )
+
+
+def holomotion_of(positions, links, places, turns):
+    return npz(
+        metadata=np.array('{"motion_fps": 50.0}'),
+        ref_dof_pos=positions,
+        ref_global_translation=places,
+        ref_global_rotation_quat=turns,
+    )
+
+
+def protomotions_of(positions, links, places, turns):
+    arrays = {"rigid_body_pos": places, "rigid_body_rot": turns, "dof_pos": positions}
+    return pickle.dumps({"fps": 50, **arrays})
+
+
+def deployed_of(positions, links, places, turns):
+    root = links.index("pelvis")
+    columns = [root, *(root + 1 + JOINTS.index(name) for name in ISAAC_JOINTS)]
+    motion = {
+        "joint_pos": positions[:, [JOINTS.index(name) for name in ISAAC_JOINTS]],
+        "body_pos_w": places[:, columns][:, ::3],
+        "body_quat_w": turns[:, columns][:, ::3],
+        "_body_indexes": np.arange(30)[::3],
+    }
+    return pickle.dumps({"walk": motion})
+
+
+def gmr_of(positions, links, places, turns):
+    root = links.index("pelvis")
+    base = np.concatenate([places[:, root], turns[:, root]], axis=1)
+    return gmr(base, positions, body_positions=places, body_names=links)
+
+
+def holosoma_of(positions, links, places, turns):
+    root = links.index("pelvis")
+    rows = np.concatenate([places[:, root], turns[:, root], positions], axis=1)
+    return named_tracking(rows, links, places, turns)
+
+
+WRITERS = (
+    *(tracking_of, tracking_in_isaacs_order, named_tracking, amp_of, holomotion_of),
+    *(protomotions_of, deployed_of, gmr_of, holosoma_of),
+)
+
+
+@pytest.mark.parametrize("lies", TILTS)
+@pytest.mark.parametrize("ahead, behind", [(0, 0), (1, 1)])
+@pytest.mark.parametrize("write", WRITERS)
+def test_bodies_tell_the_base_and_the_order_of_quaternions(
+    g1, file, write, lies, ahead, behind
+):
+    for order in ("wxyz", "xyzw"):
+        base, *parts = placed(g1, order, lies, ahead, behind)
+        path = file(write(*parts))
+        for given in (None, order):
+            motion = read_motion(path, g1, order=given)
+            wanted = base * np.sign(np.sum(base * motion.base_poses, 1))[:, None]
+            turn = Rotation.from_quat(motion.base_poses[:, 3:])
+            off = Rotation.from_quat(wanted[:, 3:]).inv() * turn
+            np.testing.assert_allclose(motion.base_poses[:, :3], base[:, :3], atol=1e-9)
+            np.testing.assert_allclose(off.as_rotvec(), 0.0, atol=1e-6)
+            assert "quaternion or of the joints" not in " ".join(motion.notes)
+
+
+def test_what_bodies_refute_is_told_with_what_was_read(g1, file):
+    _, *parts = placed(g1, "xyzw", "lying", 1)
+    assert read_motion(file(tracking_of(*parts)), g1).notes == (
+        "Base quaternions are read as x y z w: only then do the bodies in the file "
+        "fit.",
+        "The base is body 1 in the file, counted from 0: only then do the bodies fit.",
+    )
+    positions, links, places, turns = parts
+    few = tracking_of(positions, links, places[:, :9], turns[:, :9])
+    notes = read_motion(file(few), g1).notes
+    assert "it may be the world, though it is read as the base" in notes[-1]
+    assert "Name the bodies in body_names" in notes[-1]
+
+
+def test_the_order_of_a_library_is_that_of_its_rotation_vectors(g1, file):
+    """Its base lies, so that the feet tell nothing."""
+    base, positions, *_ = placed(g1, "xyzw", "lying")
+    vectors = np.zeros((6, 30, 3))
+    vectors[:, 0] = Rotation.from_quat(base[:, 3:]).as_rotvec()
+    for columns in ([3, 4, 5, 6], [6, 3, 4, 5]):
+        motion = {"root_trans_offset": base[:, :3], "root_rot": base[:, columns]}
+        motion.update({"dof": positions, "pose_aa": vectors, "fps": 30})
+        found = read_motion(file(pickle.dumps({"walk": motion})), g1)
+        np.testing.assert_allclose(found.base_poses, base, atol=1e-12)
+        told = [note for note in found.notes if "agree with pose_aa" in note]
+        assert len(told) == (columns[0] == 6)
 
 
 def test_a_tracking_npz_without_a_rate_takes_that_of_the_user(g1, file):

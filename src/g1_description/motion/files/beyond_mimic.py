@@ -19,14 +19,12 @@ from dataclasses import replace
 import numpy as np
 
 from g1_description.errors import MotionError
+from g1_description.motion.files.bodies import Bodies, find_base
 from g1_description.motion.files.conventions import (
     JOINT_ORDERS,
-    TURNED,
-    base_of,
     breadth_first,
     layouts,
     names_of_columns,
-    of_robot,
     read_velocities,
 )
 from g1_description.motion.files.source import MotionSource
@@ -41,18 +39,11 @@ from g1_description.motion.files.writing import (
 )
 from g1_description.motion.motion import MAX_SAMPLES, Motion
 from g1_description.robot.description import Description
-from g1_description.robot.kinematics import Kinematics
 from g1_description.text import MAX_NAME
 
 ARRAYS = ("fps", "joint_pos", "body_pos_w", "body_quat_w")
 
 ENDINGS = (".npz",)
-
-BODY_MISMATCH = 0.002
-"""Larger distances of bodies from those of the robot are reported, in [m]."""
-
-N_COMPARED = 5
-"""Samples whose bodies are compared with the robot's."""
 
 OVERHEAD = 20_000
 """Most bytes of an npz without numbers and names."""
@@ -91,70 +82,33 @@ def read(source: MotionSource, robot: Description) -> Motion:
             raise MotionError(
                 f"joint_names has {len(named)} names for {n_joints} joints."
             )
-    root, lacking = 0, ""
+    lacking: tuple[str, ...] = ()
     if "body_names" in arrays:
         links = arrays.names("body_names")[: places.shape[1]]
-        if robot.root in links:
-            root = links.index(robot.root)
-        elif links:
+        if links and robot.root not in links:
             lacking = (
                 f"The bodies lack the base, {robot.root}: assuming the first one, "
-                f"{links[0][:MAX_NAME]}."
+                f"{links[0][:MAX_NAME]}.",
             )
-    base = base_of(places[:, root], turns[:, root], source.order)
+    bodies = Bodies(places, turns, links)
     orders = [named] if named else _orders(source, n_joints, robot)
-    names, notes = _fitting(orders, positions, base, places, links, robot)
-    if named is not None:
-        names = named
-    elif names is None:
-        names, notes = names_of_columns(source, positions, robot)
-        notes = (*notes, *([] if source.joint_order else [UNKNOWN_ORDER]))
-    elif names not in layouts(n_joints, robot):
+    base = find_base(source, robot, bodies, positions, orders, "wxyz")
+    names, notes = base.joint_names, base.notes
+    if named is None and not base.tells_joints:
+        names, of_joints = names_of_columns(source, positions, robot)
+        unknown = () if source.joint_order else (UNKNOWN_ORDER,)
+        notes = (*of_joints, *unknown, *notes)
+    elif named is None and names not in layouts(n_joints, robot):
         notes = ("Joint order: Isaac Lab.", *notes)
-    notes = (*notes, *([lacking] if lacking else ()))
+    notes = (*notes, *lacking)
     times = np.arange(n_samples)
-    motion = Motion(times, names, positions, velocities, base, notes)
+    motion = Motion(times, names, positions, velocities, base.poses, notes)
     if "fps" in arrays:
         times, of_times = arrays.times(n_samples)
         return replace(motion, times=times, notes=(*notes, *of_times))
     if source.told_rate is None:
         raise MotionError("The array fps is missing: give the rate, --fps.")
     return source.timed(motion, CONTROL_RATE, "")
-
-
-def _fitting(
-    orders: Sequence[tuple[str, ...]],
-    positions: np.ndarray,
-    base: np.ndarray,
-    places: np.ndarray,
-    links: Sequence[str] | None,
-    robot: Description,
-) -> tuple[tuple[str, ...] | None, tuple[str, ...]]:
-    """Choose the order of joints that the bodies fit best.
-
-    Returns:
-        Their names, None if the bodies do not tell, and a message if they do not fit.
-    """
-    own = {joint.name for joint in robot.movable_joints}
-    is_told = links is not None or places.shape[1] == positions.shape[1] + 1
-    orders = [order for order in orders if {*order} <= own and is_told]
-    if not orders:
-        return None, ()
-    poses = base, base[:, [0, 1, 2, 6, 3, 4, 5]]
-    errors = [
-        [_deviation(n, positions, pose, places, links, robot) for n in orders]
-        for pose in poses
-    ]
-    best, turned = (int(np.argmin(found)) for found in errors)
-    if errors[0][best] <= BODY_MISMATCH:
-        return orders[best], ()
-    if errors[1][turned] <= BODY_MISMATCH:
-        return orders[turned], (TURNED,)
-    off = (
-        f"The bodies in the file are up to {errors[0][best]:.3f} m off those of "
-        f"{robot.name}: the motion may be for another robot or version."
-    )
-    return orders[best], (off,)
 
 
 def _orders(
@@ -166,31 +120,6 @@ def _orders(
     isaac = [order for order in isaac if len(order) == n_joints]
     by_name = dict(zip(JOINT_ORDERS, (found, isaac)))
     return by_name.get(source.joint_order or "", [*found, *isaac])
-
-
-def _deviation(
-    names: Sequence[str],
-    positions: np.ndarray,
-    base: np.ndarray,
-    places: np.ndarray,
-    links: Sequence[str] | None,
-    robot: Description,
-) -> float:
-    """Compute the largest distance of bodies from the robot's, in [m].
-
-    ``places`` are positions of ``links``, shape (n, n_links, 3); None: the root and the
-    joints' child links. Joints that are not named are at zero.
-    """
-    if links is None:
-        child = {joint.name: joint.child for joint in robot.movable_joints}
-        links = [robot.root, *(child[name] for name in names)]
-    own = [column for column, link in enumerate(links) if link in robot.link_names]
-    rows = [robot.link_names.index(links[column]) for column in own]
-    compared = np.linspace(0, len(places) - 1, N_COMPARED).astype(int)
-    of_joints = of_robot(names, positions[compared], robot)
-    poses = Kinematics(robot).link_poses(base[compared], of_joints)
-    offsets = poses[:, rows, :3] - places[compared][:, own]
-    return float(np.linalg.norm(offsets, axis=-1).max(initial=0.0))
 
 
 def most_samples(joints: Sequence[str], has_base: bool, size: int) -> int:

@@ -89,16 +89,14 @@ MAX_ANGLE = 10.0
 W_FIRST_COLUMNS = [0, 1, 2, 4, 5, 6, 3]
 """How poses with quaternions w x y z are read as if they had x y z w."""
 
+OTHER_ORDER = {"wxyz": "xyzw", "xyzw": "wxyz"}
+"""The two orders of quaternions, each by the other one."""
+
 W_FIRST = "Base quaternions are read as w x y z: only then are the feet flat."
 
 EITHER = (
     "Base quaternions are read as x y z w, though the feet are flat in w x y z, too; "
     "set --order to be certain."
-)
-
-TURNED = (
-    "The bodies fit only if the quaternions are x y z w, though this format has w x y "
-    "z: --order xyzw reads them so."
 )
 
 UNKNOWN_QUATERNION = (
@@ -249,8 +247,8 @@ def read_velocities(
     return arrays.numbers(name, *positions.shape)
 
 
-def root_of(links: Sequence[str], robot: Description) -> int:
-    """Find the base among the bodies of a file.
+def check_root(links: Sequence[str], robot: Description) -> None:
+    """Check that the base is among the bodies of a file.
 
     Args:
         links: Names of the bodies.
@@ -261,7 +259,6 @@ def root_of(links: Sequence[str], robot: Description) -> int:
     """
     if robot.root not in links:
         raise MotionError(f"The bodies lack the base, {robot.root}: {listed(links)}.")
-    return links.index(robot.root)
 
 
 def w_last(

@@ -234,6 +234,7 @@ def _read(
     if source.name is not None and not _names(module, source):
         raise MotionError("The file has no motions with names.")
     file = source.path.name if source.is_folder else source.path.stem
+    source.is_settled = False
     motion = module.read(source, robot)
     motion = replace(
         motion, name=source.name or file, velocities=known_velocities(motion)
@@ -250,7 +251,7 @@ def _read(
     if module is not bag:  # ROS uses radians
         check_radians(motion, robot)
         order = "wxyz" if module in W_FIRST else "xyzw"
-        is_open = source.order is None
+        is_open = source.order is None and not source.is_settled
         is_fixed = is_open and module in (*W_FIRST, *W_LAST)
         found = hints(motion, robot, order if is_fixed else None, is_open)
         motion = replace(motion, notes=(*motion.notes, *found))

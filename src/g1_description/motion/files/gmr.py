@@ -19,7 +19,13 @@ import numpy as np
 
 from g1_description.errors import MotionError
 from g1_description.motion.files.arrays import Arrays
-from g1_description.motion.files.conventions import names_of_columns, of_robot, w_last
+from g1_description.motion.files.bodies import bodies_in, find_base
+from g1_description.motion.files.conventions import (
+    base_of,
+    names_of_columns,
+    of_robot,
+    w_last,
+)
 from g1_description.motion.files.pickles import pickled
 from g1_description.motion.files.source import MotionSource
 from g1_description.motion.files.writing import BATCH, number, prepared
@@ -92,7 +98,6 @@ def read_arrays(
     n_samples, n_joints = positions.shape
     places = arrays.numbers(place, n_samples, 3)
     turns = arrays.numbers(turn, n_samples, 4)
-    base = np.concatenate([places, turns], axis=1)
     named = [arrays.names(key) for key in NAMES if key in arrays]
     notes: tuple[str, ...] = ()
     if not named:
@@ -101,8 +106,15 @@ def read_arrays(
         names = named[0]
     else:
         raise MotionError(f"There are {len(named[0])} names for {n_joints} joints.")
+    base = base_of(places, turns, source.order or "xyzw")
+    bodies = bodies_in(arrays, n_samples)
+    if bodies is not None and not source.is_settled:
+        found = (places, turns)
+        told = find_base(source, robot, bodies, positions, [names], "xyzw", found)
+        base, notes = told.poses, (*notes, *told.notes)
     motion = Motion(np.arange(n_samples), names, positions, None, base, notes)
-    motion = w_last(motion, robot, source.order, is_told=True)
+    if not source.order and not source.is_settled:
+        motion = w_last(motion, robot, is_told=True)
     return with_rate(source, arrays, motion)
 
 

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from g1_description.motion.files.bodies import Bodies, find_base
 from g1_description.motion.files.conventions import (
-    base_of,
+    check_root,
     read_velocities,
-    root_of,
 )
 from g1_description.motion.files.source import MotionSource, parsed
 from g1_description.motion.motion import Motion
@@ -50,7 +50,7 @@ def read(source: MotionSource, robot: Description) -> Motion:
     positions = arrays.numbers("joint_pos", None, len(joints))
     places = arrays.numbers("body_pos_w", len(positions), len(links), 3)
     turns = arrays.numbers("body_quat_w", len(positions), len(links), 4)
-    root = root_of(links, robot)
+    check_root(links, robot)
     velocities = read_velocities(arrays, "joint_vel", positions)
     times, notes = meta.times(len(positions))
     objects = [link for link in links if link not in robot.link_names]
@@ -58,5 +58,7 @@ def read(source: MotionSource, robot: Description) -> Motion:
         notes += (
             f"Bodies that {robot.name} does not have are ignored: {listed(objects)}.",
         )
-    base = base_of(places[:, root], turns[:, root], source.order)
-    return Motion(times, joints, positions, velocities, base, notes)
+    bodies = Bodies(places, turns, links)
+    base = find_base(source, robot, bodies, positions, [joints], "wxyz")
+    notes += base.notes
+    return Motion(times, joints, positions, velocities, base.poses, notes)

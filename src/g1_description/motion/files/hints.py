@@ -12,7 +12,6 @@ import numpy as np
 from g1_description.motion.files.conventions import (
     MAX_TILT,
     SAME_TILT,
-    TURNED,
     W_FIRST_COLUMNS,
     breadth_first,
     has_soles,
@@ -210,13 +209,12 @@ def _base(
 ) -> str:
     """Tell of a base and feet that are not as those of a robot that stands."""
     lower = None
-    is_told = TURNED in motion.notes
     if has_soles(robot):
         title, columns = OTHERS[order or "xyzw"]
         lower, other = lower_feet(motion, robot, columns)
         tilted = tilt_on_floor(other)
         is_flatter = tilted <= MAX_TILT and tilted + SAME_TILT < tilt_on_floor(lower)
-        if is_flatter and order is not None and not is_told:
+        if is_flatter and order is not None:
             return (
                 f"The feet are flat only if the base's quaternions are {title}, not as "
                 f"in other files of this format: --order {title.replace(' ', '')} "
@@ -237,7 +235,7 @@ def _base(
         )
     if lower is None or not base[:, :3].any():
         return ""
-    return _feet(lower, may_lie and not is_told)
+    return _feet(lower, may_lie)
 
 
 def _feet(lower: np.ndarray, may_lie: bool) -> str:

@@ -17,8 +17,8 @@ import numpy as np
 
 from g1_description.errors import MotionError
 from g1_description.motion.files.arrays import Arrays
+from g1_description.motion.files.bodies import Bodies, find_base
 from g1_description.motion.files.conventions import (
-    base_of,
     names_of_columns,
     read_velocities,
 )
@@ -63,26 +63,27 @@ def read(source: MotionSource, robot: Description) -> Motion:
     arrays = source.arrays
     prefix = PREFIXES[source.chosen(names(source))]
     positions = arrays.numbers(prefix + JOINTS, None, None)
-    places = _of_base(arrays, prefix + PLACES, len(positions), 3)
-    turns = _of_base(arrays, prefix + TURNS, len(positions), 4)
+    places = _of_bodies(arrays, prefix + PLACES, len(positions), 3)
+    turns = _of_bodies(arrays, prefix + TURNS, len(positions), 4)
     name = f"{prefix}dof_vels"
     name = name if name in arrays else f"{prefix}dof_vel"
     velocities = read_velocities(arrays, name, positions)
     metadata = parsed(str(arrays[METADATA]), METADATA)
     times, of_times = metadata.times(len(positions), "motion_fps")
     joints, notes = names_of_columns(source, positions, robot)
-    base = base_of(places, turns, source.order or "xyzw")
-    return Motion(times, joints, positions, velocities, base, (*notes, *of_times))
+    base = find_base(source, robot, Bodies(places, turns), positions, [joints], "xyzw")
+    notes = (*notes, *base.notes, *of_times)
+    return Motion(times, joints, positions, velocities, base.poses, notes)
 
 
-def _of_base(arrays: Arrays, name: str, n_samples: int, width: int) -> np.ndarray:
-    """Return an array's columns of the base, the first body or the only one."""
+def _of_bodies(arrays: Arrays, name: str, n_samples: int, width: int) -> np.ndarray:
+    """Return an array of all bodies, or of the only one, the base."""
     if arrays.numbers(name).ndim == 2:
-        return arrays.numbers(name, n_samples, width)
+        return arrays.numbers(name, n_samples, width)[:, np.newaxis]
     values = arrays.numbers(name, n_samples, None, width)
     if not values.shape[1]:
         raise MotionError(f"{name} must have at least one body, the base.")
-    return values[:, 0]
+    return values
 
 
 def write(

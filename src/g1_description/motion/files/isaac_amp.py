@@ -7,10 +7,10 @@ are any of the robot's in any order, so names count; the base is the body of its
 
 from __future__ import annotations
 
+from g1_description.motion.files.bodies import Bodies, find_base
 from g1_description.motion.files.conventions import (
-    base_of,
+    check_root,
     read_velocities,
-    root_of,
 )
 from g1_description.motion.files.source import MotionSource
 from g1_description.motion.motion import Motion
@@ -37,8 +37,10 @@ def read(source: MotionSource, robot: Description) -> Motion:
     positions = arrays.numbers("dof_positions", None, len(joints))
     places = arrays.numbers("body_positions", len(positions), len(links), 3)
     turns = arrays.numbers("body_rotations", len(positions), len(links), 4)
-    root = root_of(links, robot)
+    check_root(links, robot)
     velocities = read_velocities(arrays, "dof_velocities", positions)
     times, notes = arrays.times(len(positions))
-    base = base_of(places[:, root], turns[:, root], source.order)
-    return Motion(times, joints, positions, velocities, base, notes)
+    bodies = Bodies(places, turns, links)
+    base = find_base(source, robot, bodies, positions, [joints], "wxyz")
+    notes += base.notes
+    return Motion(times, joints, positions, velocities, base.poses, notes)

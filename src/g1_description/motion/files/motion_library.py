@@ -14,6 +14,8 @@ A dictionary of motions by name; each has ``root_trans_offset``, ``root_rot``, `
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -30,6 +32,11 @@ from g1_description.robot.rotation import from_rotation_vector, to_rotation_vect
 ENDINGS = (".pkl", ".pickle", ".joblib")
 
 ARRAYS = ("root_trans_offset", "root_rot", "dof")
+
+W_FIRST = "Base quaternions are read as w x y z: only then do they agree with pose_aa."
+
+SAME_TURN = 1.0 - 1e-4
+"""Least product of two quaternions that are taken for the same turn."""
 
 SAME_AXIS = 1e-3
 """Tolerance of axis times position, in [rad]."""
@@ -67,15 +74,37 @@ def read(source: MotionSource, robot: Description) -> Motion:
     if "dof" not in found and "dof_pos" in found:
         found["dof"] = found["dof_pos"]
     vectors = found.get("pose_aa")
+    notes: tuple[str, ...] = ()
     if isinstance(vectors, np.ndarray) and vectors.ndim == 3:
         axes = arrays.numbers("pose_aa", None, None, 3)
         if "root_rot" not in found and axes.shape[1]:
             found["root_rot"] = from_rotation_vector(axes[:, 0])
+        elif axes.shape[1] and _turned(source, found["root_rot"], axes[:, 0]):
+            found["root_rot"] = found["root_rot"][:, [1, 2, 3, 0]]
+            notes = (W_FIRST,)
         if not {*NAMES} & {*found}:
             positions = Arrays(found).numbers("dof", len(axes), None)
             named = _names(axes, positions, robot)
             found.update({"joint_names": named} if named else {})
-    return read_arrays(source, Arrays(found), robot, ARRAYS)
+    motion = read_arrays(source, Arrays(found), robot, ARRAYS)
+    return replace(motion, notes=(*motion.notes, *notes))
+
+
+def _turned(source: MotionSource, turns: Any, vectors: np.ndarray) -> bool:
+    """Return whether quaternions agree with rotation vectors only in w x y z.
+
+    It is noted if they agree with them in one order.
+    """
+    is_array = isinstance(turns, np.ndarray) and turns.dtype.kind == "f"
+    if source.order is not None or not is_array or turns.shape != (len(vectors), 4):
+        return False
+    wanted = from_rotation_vector(vectors)
+    agree = [
+        np.abs((turns[:, order] * wanted).sum(axis=1)).min(initial=1.0) > SAME_TURN
+        for order in ([0, 1, 2, 3], [1, 2, 3, 0])
+    ]
+    source.is_settled = any(agree)
+    return agree == [False, True]
 
 
 def _names(

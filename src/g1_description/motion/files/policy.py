@@ -22,10 +22,10 @@ import numpy as np
 
 from g1_description.errors import MotionError
 from g1_description.motion.files.arrays import Arrays
+from g1_description.motion.files.bodies import Bodies, find_base
 from g1_description.motion.files.conventions import (
-    base_of,
+    check_root,
     read_velocities,
-    root_of,
 )
 from g1_description.motion.files.source import MotionSource
 from g1_description.motion.motion import Motion
@@ -82,15 +82,17 @@ def read(source: MotionSource, robot: Description) -> Motion:
     model = _Model(memoryview(source.data))
     arrays = Arrays(model.references())
     joints = model.names("joint_names")
-    bodies = model.names("body_names")
+    links = model.names("body_names")
+    check_root(links, robot)
     positions = arrays.numbers(POSITIONS, None, len(joints))
-    shape = len(positions), len(bodies)
-    root = root_of(bodies, robot)
-    places = arrays.numbers(PLACES, *shape, 3)[:, root]
-    turns = arrays.numbers(TURNS, *shape, 4)[:, root]
+    shape = len(positions), len(links)
+    places = arrays.numbers(PLACES, *shape, 3)
+    turns = arrays.numbers(TURNS, *shape, 4)
     velocities = read_velocities(arrays, VELOCITIES, positions)
-    base = base_of(places, turns, source.order)
-    motion = Motion(np.arange(len(positions)), joints, positions, velocities, base)
+    bodies = Bodies(places, turns, links)
+    base = find_base(source, robot, bodies, positions, [joints], "wxyz")
+    times = np.arange(len(positions))
+    motion = Motion(times, joints, positions, velocities, base.poses, base.notes)
     return source.timed(motion, RATE, "the rate of such policies")
 
 

@@ -18,6 +18,7 @@ import numpy as np
 
 from g1_description.errors import MotionError
 from g1_description.motion.files.arrays import Arrays
+from g1_description.motion.files.bodies import Bodies, find_base
 from g1_description.motion.files.conventions import (
     names_of_columns,
     read_velocities,
@@ -75,13 +76,18 @@ def read(source: MotionSource, robot: Description) -> Motion:
     velocities = read_velocities(arrays, keys[3], positions)
     if not places.shape[1]:
         raise MotionError(f"{keys[1]} must have at least one body, the root.")
-    base = np.concatenate([places[:, 0], turns[:, 0]], axis=1)
     joints, notes = names_of_columns(source, positions, robot)
+    bodies = Bodies(places, turns)
+    base = find_base(source, robot, bodies, positions, [joints], "xyzw")
+    notes += base.notes
     if "control_dt" in arrays:
         arrays = Arrays({**arrays, "fps": _rate(arrays.numbers("control_dt"))})
     times, of_times = arrays.times(n_samples)
-    motion = Motion(times, joints, positions, velocities, base, (*notes, *of_times))
-    return w_last(motion, robot, source.order, is_told=True)
+    notes += of_times
+    motion = Motion(times, joints, positions, velocities, base.poses, notes)
+    if source.order or source.is_settled:
+        return motion
+    return w_last(motion, robot, is_told=True)
 
 
 def _part(arrays: Arrays, index: int) -> Arrays:

@@ -22,6 +22,7 @@ import numpy as np
 
 from g1_description.errors import MotionError
 from g1_description.motion.files.arrays import Arrays
+from g1_description.motion.files.bodies import bodies_in, find_base
 from g1_description.motion.files.conventions import (
     base_of,
     layouts,
@@ -101,7 +102,7 @@ def read(source: MotionSource, robot: Description) -> Motion:
         rows, speeds = rows[part], None if speeds is None else speeds[part]
     path = manifest_of(source)
     manifest = None if path is None else parsed(MotionSource(path).text, MANIFEST)
-    base, rest, notes = _split(rows, source.order)
+    base, rest, notes = _split(rows)
     joints, of_joints = _joints(source, manifest, rest, robot)
     n_joints = len(joints)
     n_objects = rest.shape[1] - n_joints
@@ -115,10 +116,15 @@ def read(source: MotionSource, robot: Description) -> Motion:
         velocities = speeds[:, FREE - 1 : FREE - 1 + n_joints]
     times, of_times = _times(arrays, manifest, len(rows))
     notes = (*notes, *of_joints, *of_times)
+    poses = base_of(*base, source.order)
+    bodies = bodies_in(arrays, len(rows))
+    if bodies is not None:
+        found = find_base(source, robot, bodies, positions, [joints], "wxyz", base)
+        poses, notes = found.poses, (*notes, *found.notes)
     if times is not None:
-        return Motion(times, joints, positions, velocities, base, notes)
+        return Motion(times, joints, positions, velocities, poses, notes)
     times = np.arange(len(rows), dtype=float)
-    motion = Motion(times, joints, positions, velocities, base, notes)
+    motion = Motion(times, joints, positions, velocities, poses, notes)
     return source.timed(motion, USUAL_RATE, "the rate of OmniRetarget and any4hdmi")
 
 
@@ -150,9 +156,9 @@ def manifest_of(source: MotionSource) -> Path | None:
 
 
 def _split(
-    rows: np.ndarray, order: str | None
-) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
-    """Split rows into poses of the base and the rest, with a message on doubts."""
+    rows: np.ndarray,
+) -> tuple[tuple[np.ndarray, np.ndarray], np.ndarray, tuple[str, ...]]:
+    """Split rows into places and turns of the base, and the rest; and tell doubts."""
     if rows.shape[1] < FREE:
         raise MotionError(
             f"A row has {rows.shape[1]} numbers; expected x y z, quaternion w x y z "
@@ -163,9 +169,9 @@ def _split(
     if is_turn_last:
         doubt = "qpos is read as place, then quaternion; both orders fit."
         notes = (doubt,) if is_turn_first else ()
-        return base_of(base[:, :3], base[:, 3:], order), rest, notes
+        return (base[:, :3], base[:, 3:]), rest, notes
     if is_turn_first:
-        return base_of(base[:, 4:], base[:, :4], order), rest, ()
+        return (base[:, 4:], base[:, :4]), rest, ()
     raise MotionError(
         "Neither columns 1 to 4 nor columns 4 to 7 are a quaternion of length 1: the "
         "base has no place and quaternion w x y z."

@@ -12,12 +12,14 @@ Traps:
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 
 from g1_description.errors import MotionError
 from g1_description.motion.files import table
+from g1_description.motion.files.bodies import Bodies, find_base, links_of
 from g1_description.motion.files.conventions import (
     ISAAC_JOINTS,
     base_of,
@@ -35,6 +37,7 @@ RATE = 50.0
 
 JOINTS, SPEEDS = "joint_pos.csv", "joint_vel.csv"
 PLACES, TURNS = "body_pos.csv", "body_quat.csv"
+METADATA = "metadata.txt"
 
 BODIES = (0, 4, 10, 18, 5, 11, 19, 9, 16, 22, 28, 17, 23, 29)
 """Bodies that are written, as numbers of Isaac Lab's: the root, then joints' links."""
@@ -72,9 +75,9 @@ def read(source: MotionSource, robot: Description) -> Motion:
     for name, values in tables.items():
         width = {JOINTS: N_JOINTS, SPEEDS: N_JOINTS}.get(name)
         _check(name, values, n_samples, width)
-    base, notes = _base(tables, source.order)
     joints = isaac_joints(source) if JOINTS in tables else ()
     positions = tables.get(JOINTS, np.empty((n_samples, 0)))
+    base, notes = _base(source, robot, tables, positions, joints)
     velocities = tables.get(SPEEDS) if joints else None
     times = np.arange(n_samples, dtype=float)
     motion = Motion(times, joints, positions, velocities, base, notes)
@@ -102,7 +105,11 @@ def _check(name: str, values: np.ndarray, n_samples: int, width: int | None) -> 
 
 
 def _base(
-    tables: dict[str, np.ndarray], order: str | None
+    source: MotionSource,
+    robot: Description,
+    tables: dict[str, np.ndarray],
+    positions: np.ndarray,
+    joints: tuple[str, ...],
 ) -> tuple[np.ndarray | None, tuple[str, ...]]:
     """Return poses of the base, if there are, and a message on what is unknown."""
     if TURNS not in tables:
@@ -114,11 +121,27 @@ def _base(
             f"Bodies have 4 columns each in {TURNS} and 3 in {PLACES} (got "
             f"{turns.shape[1]} and {places.shape[1]})."
         )
-    base = base_of(places[:, :3], turns[:, :4], order)
+    if places.any() and joints:
+        links = _links(source.path / METADATA, places.shape[1] // 3, robot)
+        bodies = Bodies(places.reshape(len(places), -1, 3), None, links)
+        root = places[:, :3], turns[:, :4]
+        found = find_base(source, robot, bodies, positions, [joints], "wxyz", root)
+        return found.poses, found.notes
+    base = base_of(places[:, :3], turns[:, :4], source.order)
     if places.any():
         return base, ()
     why = f"{PLACES} has only zeros" if PLACES in tables else f"{PLACES} is missing"
     return base, (f"{why}: the place of the base is unknown, and shown as 0.",)
+
+
+def _links(path: Path, n_bodies: int, robot: Description) -> list[str]:
+    """Name the bodies by their numbers, empty where these are unknown."""
+    text = (path.is_file() and MotionSource(path).text) or ""
+    listed = re.search(r"\[([\d\s]+)\]", text)
+    numbers = [*map(int, listed[1].split())] if listed else [*BODIES]
+    known = dict(enumerate(links_of(robot, ISAAC_JOINTS)))
+    named = [known.get(number, "") for number in numbers]
+    return named if len(named) == n_bodies else [robot.root, *[""] * (n_bodies - 1)]
 
 
 def write(
@@ -162,7 +185,7 @@ def write(
         names = [c.format(number) for number in range(values.shape[1]) for c in columns]
         rows = values.reshape(len(values), -1)
         content[name] = table.rows_text(rows, names).encode()
-    content["metadata.txt"] = _metadata(len(found.times)).encode()
+    content[METADATA] = _metadata(len(found.times)).encode()
     return content, notes
 
 

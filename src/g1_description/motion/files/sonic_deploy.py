@@ -14,9 +14,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from g1_description.errors import MotionError
+from g1_description.motion.files.bodies import Bodies, find_base, links_of
 from g1_description.motion.files.conventions import (
     ISAAC_JOINTS,
-    base_of,
     isaac_joints,
     read_velocities,
 )
@@ -52,17 +52,20 @@ def read(source: MotionSource, robot: Description) -> Motion:
     velocities = read_velocities(arrays, "joint_vel", positions)
     places = arrays.numbers("body_pos_w", n_samples, None, 3)
     turns = arrays.numbers("body_quat_w", n_samples, places.shape[1], 4)
-    bodies = [0.0]
+    numbers = [0.0]
     if "_body_indexes" in arrays:
-        bodies = arrays.numbers("_body_indexes", places.shape[1]).tolist()
-    if 0.0 not in bodies or not places.shape[1]:
+        numbers = arrays.numbers("_body_indexes", places.shape[1]).tolist()
+    if 0.0 not in numbers or not places.shape[1]:
         raise MotionError("The bodies have no root: none has the index 0.")
-    root = bodies.index(0.0)
-    base = base_of(places[:, root], turns[:, root], source.order)
-    notes: tuple[str, ...] = ()
-    if not places[:, root].any():
+    known = dict(enumerate(links_of(robot, ISAAC_JOINTS)))
+    links = [known.get(int(number), "") for number in numbers]
+    links += [""] * (places.shape[1] - len(links))
+    joints, bodies = isaac_joints(source), Bodies(places, turns, links)
+    base = find_base(source, robot, bodies, positions, [joints], "wxyz")
+    notes = base.notes
+    if not base.poses[:, :3].any():
         zeros = "body_pos_w has only zeros for the root"
-        notes = (f"{zeros}: the place of the base is unknown, and shown as 0.",)
+        notes += (f"{zeros}: the place of the base is unknown, and shown as 0.",)
     times = np.arange(n_samples)
-    motion = Motion(times, isaac_joints(source), positions, velocities, base, notes)
+    motion = Motion(times, joints, positions, velocities, base.poses, notes)
     return source.timed(motion, RATE, "the rate of SONIC's files")

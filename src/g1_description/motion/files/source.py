@@ -93,6 +93,8 @@ class MotionSource:
         """Of joints without names: mujoco or isaaclab; None: that of the format."""
         self.format = ""
         """Name of the format in which it was read."""
+        self.is_settled = False
+        """Whether its bodies say that it was read in the right order."""
         self.recognised: dict[str, bool] = {}
         """Whether formats recognise it, by name."""
         self.is_folder = self.path.is_dir()
