@@ -298,9 +298,49 @@ def test_stamps_that_are_missing_equal_or_go_back_are_dealt_with(bag):
     assert read(0, 0, 0)[:2] == ([0.0, 1.0, 2.0], [0.0, 1.0, 2.0])
     assert "times of recording are used" in read(0, 0)[2][1]
     assert read(1, 2, 2, 3)[:2] == ([0.0, 1.0, 2.0], [0.0, 2.0, 3.0])
-    times, positions, notes = read(1, 2, 1, 3)
-    assert (times, positions) == ([0.0, 1.0], [0.0, 1.0])
-    assert "Time goes back after 1.000 s" in notes[1]
+    times, positions, notes = read(1, 3, 2, 5)
+    assert (times, positions) == ([0.0, 1.0, 2.0, 4.0], [0.0, 2.0, 1.0, 3.0])
+    assert notes[1] == "Late samples are sorted by stamps: 1 of 4."
+    for stray in (90, 5):
+        times, positions, notes = read(10, 11, stray, 12, 13)
+        assert (times, positions) == ([0.0, 1.0, 2.0, 3.0], [0.0, 1.0, 3.0, 4.0])
+        assert "ignored: 1 of 5 samples" in notes[1]
+    times, positions, notes = read(11, 12, 13, 1, 2)
+    assert (times, positions) == ([0.0, 1.0, 2.0], [0.0, 1.0, 2.0])
+    assert notes[1] == (
+        "Time goes back after 2.000 s: the rest is ignored, 2 of 5 samples, 1.000 s."
+    )
+
+
+def test_samples_of_two_publishers_are_joined_by_their_clocks(bag):
+    """Of the same joints in two orders, 0.1 s apart; the base is late, too."""
+    messages = []
+    for n in range(40):
+        now = 5 + 0.02 * n
+        one = state(now, left_knee=now, right_knee=0.0)
+        other = state(now - 0.1, right_knee=0.0, left_knee=now - 0.1)
+        messages += [("/joint_states", one, now), ("/joint_states", other, now + 0.01)]
+        for late in (0.0, 0.05):
+            messages.append(("/tf", TFMessage([edge(now - late, now - late)]), now))
+    found = read_motion(bag(*messages), G1)
+    column = found.joint_names.index("left_knee_joint")
+    assert found.duration == pytest.approx(0.88)
+    np.testing.assert_allclose(found.positions[:, column], found.times + 4.9)
+    inside = found.times >= 0.05
+    np.testing.assert_allclose(
+        found.base_poses[inside, 0], found.times[inside] + 4.9, atol=1e-6
+    )
+    assert "Samples of 2 publishers are joined by their stamps" in " ".join(found.notes)
+    assert "Late samples are sorted by stamps: 40 of 80, as of" in found.notes[1]
+
+
+def test_a_base_that_ends_early_is_told(bag):
+    messages = [("/joint_states", state(5 + n, left_knee=n), 5 + n) for n in range(9)]
+    stamps = [5, 6, 7, 1, 2]
+    frames = [("/tf", TFMessage([edge(s, s)]), 5 + n) for n, s in enumerate(stamps)]
+    found = read_motion(bag(*messages, *frames), G1)
+    assert found.base_poses[:, 0].tolist() == [5.0, 6.0, *[7.0] * 7]
+    assert "the rest is ignored, 2 of 5 base poses" in found.notes[1]
 
 
 @pytest.mark.parametrize("options", [{}, {"chunk_threshold": 500}])

@@ -452,6 +452,9 @@ def test_keyframes_without_times_are_poses_or_have_a_rate(g1, file):
     with pytest.raises(MotionError, match=r"no times.*such as 'motion#k0': k0, k1, k2"):
         read_motion(path, g1)
     assert [*motion_names(path)] == ["k0", "k1", "k2", "k3"]
+    late = file(keyframes().replace('time="0.06"', 'time="0.01"'))
+    with pytest.raises(MotionError, match="have no times that increase"):
+        read_motion(late, g1)
     assert_is_the_motion(read_motion(path, g1, 50.0))
     with pytest.raises(NoMotionError, match="no keyframes"):
         read_motion(file("<mujoco><worldbody/></mujoco>"), g1)

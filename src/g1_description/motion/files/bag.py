@@ -47,6 +47,12 @@ PARENTS = ("map", "world", "odom")
 USUAL = ("joint_states", "motion", "joint_trajectory", "joint_commands")
 """Usual names of topics with joints, by preference."""
 
+MAX_LATE = 1_000_000_000
+"""Largest time by which stamps fall without a restart of time, in [ns]."""
+
+MANY = 10
+"""Samples in a row that are behind where time restarts."""
+
 LATE = 100_000_000
 """Time without a base that is reported, in [ns]: the bridge publishes it every 0.05
 s."""
@@ -215,10 +221,31 @@ def _motion(bag: Reader, robot: Description, topic: str | None) -> Motion:
             stamp = _nanoseconds(state)
             rows.append((stamp, time, names, state.positions, state.velocities))
         motion = _joined(name, rows, lambda has: _base(bag, name, robot, has))
+        motion = replace(motion, notes=(*motion.notes, *_publishers(joints, rows)))
     else:
         motion = _trajectory(name, list(messages))
     also = f" It also has joints on {listed(topics)}." if topics else ""
     return replace(motion, notes=(f"{motion.notes[0]}{also}", *motion.notes[1:]))
+
+
+def _publishers(joints: Collection[Connection], rows: Sequence[_Row]) -> list[str]:
+    """Tell of several publishers of the same joints."""
+    orders = {tuple(names) for _, _, names, *_ in rows}
+    senders = {getattr(connection.ext, "callerid", None) for connection in joints}
+    several = max(len(senders), len(orders)) if _overlap(orders) else 1
+    if several == 1:
+        return []
+    known = listed(filter(None, sorted(map(str, senders - {None}))))
+    return [
+        f"Samples of {several} publishers{f', {known},' if known else ''} are joined "
+        "by their stamps: the joints jump where these differ."
+    ]
+
+
+def _overlap(orders: Collection[tuple[str, ...]]) -> bool:
+    """Return whether any joint is in several lists of names, or there is one list."""
+    every = [name for names in orders for name in names]
+    return len(orders) == 1 or len({*every}) < len(every)
 
 
 def _chosen(bag: Reader, topics: Collection[str], name: str | None) -> str:
@@ -255,37 +282,47 @@ def _chosen(bag: Reader, topics: Collection[str], name: str | None) -> str:
 _Row = Tuple[int, int, List[str], np.ndarray, np.ndarray]
 """A sample: stamp and time of recording in [ns], names, positions, velocities."""
 
-_Path = Tuple[str, List[Tuple[int, np.ndarray]]]
-"""A path of the base: its source, stamps in [ns] and poses, shape (7,)."""
+_Poses = List[Tuple[int, int, np.ndarray]]
+"""Stamps and times of recording in [ns], and poses, shape (7,)."""
+
+_Path = Tuple[str, _Poses]
+"""A path of the base: its source, and its poses."""
 
 
 def _joined(
     topic: str, rows: Sequence[_Row], find_base: Callable[[bool], _Path]
 ) -> Motion:
     """Join samples and the base, by stamps or times of recording."""
-    names, positions, velocities = _table(topic, rows)
-    stamps, notes = np.array([row[0] for row in rows]), []
+    stamps, times = np.array([row[:2] for row in rows]).T
+    notes: list[str] = []
     has_stamps = bool(stamps.all())
     if not has_stamps:
-        stamps = np.array([row[1] for row in rows])
+        stamps = times
         notes.append("Some messages have no stamps: the times of recording are used.")
-    kept, goes_back = _rising(stamps)
-    if goes_back:
-        seconds = (stamps[kept[-1]] - stamps[0]) / 1e9
-        notes.append(f"Time goes back after {seconds:.3f} s: the rest is ignored.")
+    kept, of_order = _ordered(stamps, times, "samples")
+    names, positions, velocities = _table(topic, [rows[number] for number in kept])
     stamps = stamps[kept]
     source, path = find_base(has_stamps)
-    if path and path[0][0] > stamps[0] + LATE:
-        seconds = (path[0][0] - stamps[0]) / 1e9
-        notes.append(
-            f"There is no base pose before {seconds:.3f} s: the first one is held."
-        )
+    poses = None
+    if path:
+        own, bases, of_base = _ordered_path(path)
+        # Where both end at a reset, it is said once.
+        notes += of_order or of_base
+        if own[0] > stamps[0] + LATE:
+            seconds = (own[0] - stamps[0]) / 1e9
+            notes.append(
+                f"There is no base pose before {seconds:.3f} s: the first one is held."
+            )
+        poses = _poses_at(own, bases, stamps)
+    else:
+        notes += of_order
+    is_last = np.append(np.diff(stamps) > 0, True)
     trajectory = Motion(
-        (stamps - stamps[0]) / 1e9,
+        (stamps[is_last] - stamps[0]) / 1e9,
         names,
-        positions[kept],
-        None if velocities is None else velocities[kept],
-        _poses_at(path, stamps) if path else None,
+        positions[is_last],
+        None if velocities is None else velocities[is_last],
+        None if poses is None else poses[is_last],
     )
     whence = f", base from {source}" if path else ""
     return replace(trajectory, notes=(f"Joints from {topic}{whence}.", *notes))
@@ -332,25 +369,77 @@ def _filled(positions: np.ndarray) -> np.ndarray:
     return positions
 
 
-def _rising(stamps: np.ndarray) -> tuple[np.ndarray, bool]:
-    """Select samples with increasing stamps, until they go back.
+def _ordered(
+    stamps: np.ndarray, times: np.ndarray, what: str
+) -> tuple[np.ndarray, list[str]]:
+    """Put samples in the order of their stamps, until time restarts.
+
+    Stamps fall where messages are late, or of several publishers. Time restarts where
+    many samples in a row are behind, by more than ``MAX_LATE`` or also when recorded.
+
+    Args:
+        stamps: In [ns], shape (n,).
+        times: Those of recording.
+        what: What is ordered, for messages.
 
     Returns:
-        Their indices, of equal stamps the last one; and whether time goes back.
+        Indices of the samples in order, and messages on what is ignored.
     """
-    back = np.flatnonzero(np.diff(stamps) < 0)
-    whole = stamps[: back[0] + 1] if back.size else stamps
-    return np.flatnonzero(np.append(np.diff(whole) > 0, True)), bool(back.size)
+    kept: list[int] = []
+    strays = n_late = 0
+    end = len(stamps)
+    newest = before = latest = -(2**62)
+    for row, (stamp, time) in enumerate(zip(stamps.tolist(), times.tolist())):
+        is_far = stamp < newest - MAX_LATE
+        is_behind = bool((stamps[row : row + MANY] < newest).all())
+        if is_far and is_behind and stamp >= before - MAX_LATE:
+            newest = before  # the sample before has a stamp of the future
+            kept.pop()
+            strays += 1
+        elif is_behind and (is_far or time < latest):
+            end = row
+            break
+        elif is_far:
+            strays += 1
+            continue
+        kept.append(row)
+        n_late += stamp < newest
+        before = newest if stamp > newest else max(before, stamp)
+        newest, latest = max(newest, stamp), max(latest, time)
+    order = np.array(kept)[np.argsort(stamps[kept], kind="stable")]
+    notes = []
+    if n_late:
+        clocks = ", as of publishers whose clocks differ" if n_late > MANY else ""
+        notes.append(
+            f"Late {what} are sorted by stamps: {n_late} of {len(stamps)}{clocks}."
+        )
+    if strays:
+        notes.append(
+            f"Stamps more than {MAX_LATE / 1e9:g} s from those around them are "
+            f"ignored: {strays} of {len(stamps)} {what}."
+        )
+    if end < len(stamps):
+        begin, rest = stamps[order[0]], stamps[end:]
+        notes.append(
+            f"Time goes back after {(newest - begin) / 1e9:.3f} s: the rest is "
+            f"ignored, {len(rest)} of {len(stamps)} {what}, {np.ptp(rest) / 1e9:.3f} s."
+        )
+    return order, notes
+
+
+def _ordered_path(path: _Poses) -> tuple[np.ndarray, np.ndarray, list[str]]:
+    """Return stamps in [ns], increasing, poses, and messages on what is ignored."""
+    stamps, times = np.array([step[:2] for step in path]).T
+    order, notes = _ordered(stamps, times, "base poses")
+    order = order[np.append(np.diff(stamps[order]) > 0, True)]
+    return stamps[order], np.array([path[number][2] for number in order]), notes
 
 
 def _poses_at(
-    path: Sequence[tuple[int, np.ndarray]], stamps: np.ndarray
+    own: np.ndarray, poses: np.ndarray, stamps: np.ndarray
 ) -> np.ndarray | None:
-    """Interpolate a path; its first and last poses are held."""
-    own = np.array([stamp for stamp, _ in path])
-    kept, _ = _rising(own)
-    times = (own[kept] - own[0]) / 1e9
-    poses = np.array([path[number][1] for number in kept])
+    """Interpolate poses at their own stamps; the first and last ones are held."""
+    times = (own - own[0]) / 1e9
     base = Motion(times, (), np.empty((len(times), 0)), None, poses)
     return sample(base, (stamps - own[0]) / 1e9).base_poses
 
@@ -384,10 +473,11 @@ def _base(bag: Reader, joints: str, robot: Description, has_stamps: bool) -> _Pa
             path = edges[parent, frame]
             if frame.endswith(BASE_FRAME):  # the root may be next to it
                 of_root = frame[: -len(BASE_FRAME)] + root
-                for _, pose in edges.get((frame, of_root), [])[-1:]:
+                for *_, pose in edges.get((frame, of_root), [])[-1:]:
                     if (pose != IDENTITY).any():
-                        stamps, bases = zip(*path)
-                        path = list(zip(stamps, compose(np.array(bases), pose)))
+                        stamps, times, bases = zip(*path)
+                        placed = compose(np.array(bases), pose)
+                        path = list(zip(stamps, times, placed))
             return f"/tf ({parent} to {frame})", path
     return _odometry(bag, namespace, has_stamps)
 
@@ -400,9 +490,9 @@ def _rank(parent: str) -> int:
 
 def _edges(
     bag: Reader, frames: Collection[str], has_stamps: bool
-) -> dict[tuple[str, str], list[tuple[int, np.ndarray]]]:
-    """Collect stamps and poses of some frames by parent and child."""
-    found: dict[tuple[str, str], list[tuple[int, np.ndarray]]] = {}
+) -> dict[tuple[str, str], _Poses]:
+    """Collect poses of some frames by parent and child."""
+    found: dict[tuple[str, str], _Poses] = {}
     connections = [one for own in _topics(bag, "TFMessage").values() for one in own]
     written = {*frames, *(f"/{frame}" for frame in frames)}  # the latter from old tf
     for time, message in _messages(bag, connections):
@@ -410,7 +500,7 @@ def _edges(
             if edge.child in written:
                 stamp = (has_stamps and _nanoseconds(edge)) or time
                 key = edge.parent.lstrip("/"), edge.child.lstrip("/")
-                found.setdefault(key, []).append((stamp, edge.pose))
+                found.setdefault(key, []).append((stamp, time, edge.pose))
     return found
 
 
@@ -426,7 +516,7 @@ def _odometry(bag: Reader, namespace: str, has_stamps: bool) -> _Path:
         return "", []
     chosen = min(topics, key=rank)
     return chosen, [
-        ((has_stamps and _nanoseconds(message.edge)) or time, message.edge.pose)
+        ((has_stamps and _nanoseconds(message.edge)) or time, time, message.edge.pose)
         for time, message in _messages(bag, topics[chosen])
     ]
 
@@ -454,14 +544,19 @@ def _trajectory(topic: str, messages: Sequence[tuple[int, Any]]) -> Motion:
         tuple(joints.names),
         np.array([point.positions for point in joints.points]).reshape(shape),
         np.array(rates) if has_rates else None,
-        _poses_at(_path(base), stamps) if base and base.points else None,
     )
-    return replace(trajectory, notes=(f"Motion from {topic}{more}.",))
+    notes = [f"Motion from {topic}{more}."]
+    if base and base.points:
+        own, bases, of_base = _ordered_path(_path(base))
+        poses = _poses_at(own, bases, stamps)
+        trajectory, notes = replace(trajectory, base_poses=poses), [*notes, *of_base]
+    return replace(trajectory, notes=tuple(notes))
 
 
-def _path(base: Any) -> list[tuple[int, np.ndarray]]:
-    """Return stamps in [ns] and poses of a base's points."""
-    return [(_nanoseconds(point), point.poses[0].numbers) for point in base.points]
+def _path(base: Any) -> _Poses:
+    """Return the poses of a base's points."""
+    times = [_nanoseconds(point) for point in base.points]
+    return [(time, time, p.poses[0].numbers) for time, p in zip(times, base.points)]
 
 
 def _check_points(topic: str, joints: Any, base: Any) -> None:
@@ -493,5 +588,5 @@ def _stream(topic: str, parts: Sequence[tuple[int, Any, Any]]) -> Motion:
             )
         point = joints.points[0]
         rows.append((0, time, joints.names, point.positions, point.velocities))
-        path += [(time, pose) for _, pose in (_path(base) if base else ())]
+        path += [(time, time, pose) for *_, pose in (_path(base) if base else ())]
     return _joined(topic, rows, lambda _: (topic, path))

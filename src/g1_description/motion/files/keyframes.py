@@ -76,10 +76,11 @@ def read(source: MotionSource, robot: Description) -> Motion:
         motion = _motion(source, keys.rows, times, keys.model, robot)
         return source.timed(motion, source.rate, "")
     if source.name is None and len(keys.rows) > 1:
+        which = " that increase" if keys.times.any() else ""
+        example = f"{source.path.name}#{keys.names[0][:MAX_NAME]}"
         raise MotionError(
-            "The keyframes have no times. Give their rate to read them as one motion, "
-            f"or choose one, such as '{source.path.name}#{keys.names[0][:MAX_NAME]}': "
-            f"{listed(keys.names)}."
+            f"The keyframes have no times{which}. Give their rate to read them as one "
+            f"motion, or choose one, such as '{example}': {listed(keys.names)}."
         )
     row = keys.rows[keys.names.index(source.chosen(keys.names))]
     return _motion(source, [row], times[:1], keys.model, robot)
