@@ -73,8 +73,14 @@ ACTORS = "file,actor\nwalk.csv,Jo\n"
 OTHERS = {
     "actors.csv": (ACTORS, "Line 1 has the columns file, actor, but lacks time."),
     "bends.yml": ("knee: !degrees 90\n", "Line 1 has a tag, "),
-    "gains.yaml": ("knee:\n  p: 10.0\n", "Not a JointTrajectory: 'joint_names' "),
-    "robots.yaml": ("robots: [a, b]\n", "Not a JointTrajectory: 'joint_names' "),
+    "gains.yaml": (
+        "knee:\n  p: 10.0\n",
+        "This is YAML, but not a JointTrajectory: 'joint_names' ",
+    ),
+    "robots.yaml": (
+        "robots: [a, b]\n",
+        "This is YAML, but not a JointTrajectory: 'joint_names' ",
+    ),
 }
 
 

@@ -380,7 +380,7 @@ def test_what_bodies_refute_is_told_with_what_was_read(g1, file):
     positions, links, places, turns = parts
     few = tracking_of(positions, links, places[:, :9], turns[:, :9])
     notes = read_motion(file(few), g1).notes
-    assert "it may be the world, though it is read as the base" in notes[-1]
+    assert "it is read as the base, but is perhaps the world" in notes[-1]
     assert "Name the bodies in body_names" in notes[-1]
 
 

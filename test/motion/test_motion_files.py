@@ -430,6 +430,15 @@ BAD = {
     "nothing": ("time\n0\n1\n", "neither joints nor a base"),
     "empty": ("", "is empty"),
     "words": ("hello world\n", "Line 1"),
+    "urdf": (
+        '<?xml version="1.0"?>\n<!-- <sdf>\n -->\n<robot name="a"><mujoco/></robot>\n',
+        r"^motion: This is a robot description \(URDF\), not a motion\.$",
+    ),
+    "sdf": ('<sdf version="1.6"/>', r"a model or world of Gazebo \(SDF\), not a"),
+    "launch": ("<launch/>", "This is a launch file, not a motion"),
+    "page": ("<!DOCTYPE html>\n<html>", r"This is a web page \(HTML\), not a motion"),
+    "xml": ("<package/>", "This is XML with the root <package>, not a motion"),
+    "json": ('{"a": [1, 2]}\n', "This is JSON, not a motion"),
     "HDF5": (b"\x89HDF\r\n\x1a\n" + b"\x00\xff" * 100, "HDF5 is not read; save"),
     "binary": (b"\xff\xfe\x00\x01" * 100, "Unknown format: not an npz, pickle, ros"),
     "line": (b"time,a\n0,\x80", r"UTF-8 text .see line 2\)"),
@@ -458,7 +467,7 @@ BAD = {
     ),
     "points missing": (
         "joint_names: [a]\n",
-        "^motion: Not a JointTrajectory: 'points' is missing",
+        "^motion: This is YAML, but not a JointTrajectory: 'points' is missing",
     ),
     "nan": (f"{ROW}\n{ROW.replace('0.8', 'nan')}\n", "Line 2 has a number that is not"),
     "word": (f"{ROW}\n{ROW.replace('0.8', 'up')}\n", "expected a number .got 'up'"),
@@ -534,7 +543,7 @@ def test_what_is_no_motion_is_told_in_a_sentence_and_at_once(g1, file, case):
         ("n.pkl", "Not a valid pickle\\."),
         ("n.pickle", "Not a valid pickle\\."),
         ("n.bag", "Not a valid rosbag\\."),
-        ("n.yaml", "Not a JointTrajectory: expected keys"),
+        ("n.yaml", "Not YAML of a JointTrajectory: expected keys"),
     ],
 )
 def test_a_table_by_the_name_of_another_format_is_refused(g1, file, name, words):

@@ -207,14 +207,19 @@ def test_an_argument_for_what_takes_none_is_refused(write):
 
 def test_what_is_not_there_is_told_with_what_is_near(write, tmp_path):
     write("robots/urdf/g1.urdf")
-    assert refusal(tmp_path / "robots" / "urdf" / "g2.urdf").endswith(
-        "g2.urdf (did you mean g1.urdf?)."
+    assert refusal(tmp_path / "robots" / "urdf" / "g1x.urdf").endswith(
+        "g1x.urdf (did you mean g1.urdf?)."
     )
     write("robots/urdf/g1.md")
-    assert refusal(tmp_path / "robots" / "urdf" / "g2.md").endswith("mean g1.md?).")
+    assert refusal(tmp_path / "robots" / "urdf" / "g1x.md").endswith("mean g1.md?).")
     with pytest.raises(DescriptionError, match=r"mean g1\.md\?\)\.$"):
-        absolute_urdf(str(tmp_path / "robots" / "urdf" / "g2.md"))
-    assert refusal(tmp_path / "robots" / "x").endswith("it contains urdf/g1.urdf.")
+        absolute_urdf(str(tmp_path / "robots" / "urdf" / "g1x.md"))
+    assert refusal(tmp_path / "robots" / "x").endswith("robots/x.")
+    write("robot.urdf")
+    assert refusal(tmp_path / "nope.urdf").endswith("nope.urdf.")
+    assert refusal(tmp_path / "robt" / "a.urdf").endswith(
+        "robt (did you mean robots?)."
+    )
     assert refusal(tmp_path / "robot" / "g1.urdf").endswith(
         f"There is no folder {tmp_path}/robot (did you mean robots?)."
     )

@@ -98,12 +98,13 @@ def _absent(path: Path) -> str:
     while not missing.parent.is_dir() and missing.parent != missing:
         missing = missing.parent
     kind = "file" if missing == path else "folder"
-    names = _names_in(missing.parent)
-    if kind == "file" and path.suffix:
-        names = [name for name in names if name.endswith(path.suffix)]
-    near = did_you_mean(missing.name, names)
-    if not near and kind == "file":
-        near = with_robots(missing.parent)
+    others = [missing.parent / name for name in _names_in(missing.parent)]
+    if kind == "folder":
+        known = {other.name: other.name for other in others if other.is_dir()}
+        near = did_you_mean(missing.name, known)
+    else:  # endings alone make no names similar
+        known = {o.stem: o.name for o in others if path.suffix in ("", o.suffix)}
+        near = did_you_mean(path.stem, known, known)
     return f"There is no {kind} {missing}{near}."
 
 

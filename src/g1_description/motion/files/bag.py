@@ -229,7 +229,7 @@ def _motion(bag: Reader, robot: Description, topic: str | None) -> Motion:
 
 
 def _publishers(joints: Collection[Connection], rows: Sequence[_Row]) -> list[str]:
-    """Tell of several publishers of the same joints."""
+    """Report several publishers of the same joints."""
     orders = {tuple(names) for _, _, names, *_ in rows}
     senders = {getattr(connection.ext, "callerid", None) for connection in joints}
     several = max(len(senders), len(orders)) if _overlap(orders) else 1

@@ -94,7 +94,7 @@ def read(source: MotionSource, robot: Description) -> Motion:
     orders = [named] if named else _orders(source, n_joints, robot)
     base = find_base(source, robot, bodies, positions, orders, "wxyz")
     names, notes = base.joint_names, base.notes
-    if named is None and not base.tells_joints:
+    if named is None and not base.joints_are_known:
         names, of_joints = names_of_columns(source, positions, robot)
         unknown = () if source.joint_order else (UNKNOWN_ORDER,)
         notes = (*of_joints, *unknown, *notes)

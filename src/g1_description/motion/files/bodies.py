@@ -1,8 +1,8 @@
-"""Bodies in a file: they tell the base and the order of quaternions and of joints.
+"""Bodies in a file, by which the base and the order of quaternions are found.
 
 A format says which body is the base, and how quaternions are written; not all files
 follow it. The places of the other bodies follow from the base and the joints, so they
-tell how a file has to be read, also where the robot lies.
+say how a file has to be read, also where the robot lies.
 """
 
 from __future__ import annotations
@@ -52,8 +52,8 @@ BODY_FITS = (
 )
 
 WORLD = (
-    "The first body in the file stays at the origin: it may be the world, though it is "
-    "read as the base. Name the bodies in body_names, or remove it."
+    "The first body in the file stays at the origin: it is read as the base, but is "
+    "perhaps the world. Name the bodies in body_names, or remove it."
 )
 
 
@@ -73,7 +73,7 @@ class Bodies:
 
 @dataclass(frozen=True, eq=False)
 class FoundBase:
-    """The base of a file, and what its bodies tell."""
+    """The base of a file, and what its bodies say."""
 
     poses: np.ndarray
     """T_map_base, shape (n_samples, 7)."""
@@ -81,8 +81,8 @@ class FoundBase:
     joint_names: tuple[str, ...]
     """Of those that were possible, the ones that fit best."""
 
-    tells_joints: bool
-    """Whether the bodies tell the order of the joints."""
+    joints_are_known: bool
+    """Whether the order of the joints follows from the bodies."""
 
     notes: tuple[str, ...]
     """On what the file refutes, and on bodies that do not fit."""
@@ -196,10 +196,10 @@ def _is_whole(bodies: Bodies, positions: np.ndarray) -> bool:
 def _layouts(
     robot: Description, bodies: Bodies, names: Sequence[str]
 ) -> Iterator[tuple[int, Sequence[str]]]:
-    """Yield which body may be the base, and the links of all bodies.
+    """Yield which body is possibly the base, and the links of all bodies.
 
     Bodies without names are the base and the joints' child links, one after another;
-    others may be before or behind them, as the world and objects.
+    others, as the world and objects, are before or behind them.
     """
     n_bodies = bodies.places.shape[1]
     if bodies.links is not None:

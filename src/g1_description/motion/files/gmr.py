@@ -110,8 +110,8 @@ def read_arrays(
     bodies = bodies_in(arrays, n_samples)
     if bodies is not None and not source.is_settled:
         found = (places, turns)
-        told = find_base(source, robot, bodies, positions, [names], "xyzw", found)
-        base, notes = told.poses, (*notes, *told.notes)
+        settled = find_base(source, robot, bodies, positions, [names], "xyzw", found)
+        base, notes = settled.poses, (*notes, *settled.notes)
     motion = Motion(np.arange(n_samples), names, positions, None, base, notes)
     if not source.order and not source.is_settled:
         motion = w_last(motion, robot, is_told=True)

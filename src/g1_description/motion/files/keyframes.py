@@ -25,9 +25,6 @@ from g1_description.text import MAX_NAME, listed
 
 ENDINGS = (".xml",)
 
-BEGIN = 10_000
-"""Characters in which the root element must be."""
-
 SIZES = {"free": 7, "ball": 4, "slide": 1, "hinge": 1}
 """Numbers of a joint in ``qpos``."""
 
@@ -51,8 +48,7 @@ class _Keys:
 
 def recognise(source: MotionSource) -> bool:
     """Return whether a file is a model of MuJoCo."""
-    text = source.text
-    return text is not None and "<mujoco" in text[:BEGIN]
+    return source.xml_root == "mujoco"
 
 
 def names(source: MotionSource) -> Sequence[str]:

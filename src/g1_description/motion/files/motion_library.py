@@ -98,9 +98,9 @@ def _turned(source: MotionSource, turns: Any, vectors: np.ndarray) -> bool:
     is_array = isinstance(turns, np.ndarray) and turns.dtype.kind == "f"
     if source.order is not None or not is_array or turns.shape != (len(vectors), 4):
         return False
-    wanted = from_rotation_vector(vectors)
+    rotations = from_rotation_vector(vectors)
     agree = [
-        np.abs((turns[:, order] * wanted).sum(axis=1)).min(initial=1.0) > SAME_TURN
+        np.abs((turns[:, order] * rotations).sum(axis=1)).min(initial=1.0) > SAME_TURN
         for order in ([0, 1, 2, 3], [1, 2, 3, 0])
     ]
     source.is_settled = any(agree)

@@ -158,7 +158,7 @@ def manifest_of(source: MotionSource) -> Path | None:
 def _split(
     rows: np.ndarray,
 ) -> tuple[tuple[np.ndarray, np.ndarray], np.ndarray, tuple[str, ...]]:
-    """Split rows into places and turns of the base, and the rest; and tell doubts."""
+    """Split rows into places and turns of the base, and the rest; report doubts."""
     if rows.shape[1] < FREE:
         raise MotionError(
             f"A row has {rows.shape[1]} numbers; expected x y z, quaternion w x y z "

@@ -6,6 +6,7 @@ import bz2
 import io
 import json
 import lzma
+import re
 import stat
 import zlib
 from collections.abc import Sequence
@@ -43,6 +44,9 @@ MAX_DICTIONARY = 200_000_000
 
 MAX_MEMBERS = 10_000
 """Most files in an npz or a file of torch."""
+
+BEGIN = 10_000
+"""Characters in which the root element of XML must be."""
 
 ZIP = b"PK\x03\x04"
 ZIP_MEMBER = b"PK\x01\x02"
@@ -153,6 +157,16 @@ class MotionSource:
         if self.ending in NOT_TEXT:
             raise MotionError(f"Not a valid {NOT_TEXT[self.ending]}.")
         return text
+
+    @cached_property
+    def xml_root(self) -> str:
+        """Local name of the root element of XML; empty: it is not XML."""
+        text = (self.text or "")[:BEGIN].lstrip()
+        while text.startswith(("<?", "<!")):
+            end = "-->" if text.startswith("<!--") else ">"
+            text = text.partition(end)[2].lstrip()
+        found = re.match(r"<(?:[\w.-]+:)?([\w.-]+)", text)
+        return found[1] if found else ""
 
     @property
     def whole(self) -> MotionSource:

@@ -56,6 +56,14 @@ NUMBER_LENGTH = 25
 
 ENDINGS = (".csv",)
 
+XML = {
+    "robot": "a robot description (URDF)",
+    "sdf": "a model or world of Gazebo (SDF)",
+    "launch": "a launch file",
+    "html": "a web page (HTML)",
+}
+"""Kinds of XML by the name of the root element."""
+
 _SEPARATOR = re.compile(r"[,;\t ]+")
 """Column separators of other kinds of tables."""
 
@@ -70,9 +78,13 @@ def read(source: MotionSource, robot: Description) -> Motion:
 
     Raises:
         MotionError: If it is not such a table, with the line.
+        NoMotionError: If it is text of another kind.
     """
     text = source.text
     assert text is not None
+    kind = _kind(source, text)
+    if kind:
+        raise NoMotionError(f"This is {kind}, not a motion.")
     above, comment = 0, ""
     for number, line in _lines(text):
         if not line.startswith("#"):
@@ -93,6 +105,15 @@ def read(source: MotionSource, robot: Description) -> Motion:
     if TIME in header and len(header) == len(names):
         return _headed(source, _rows(text), above, header, robot)
     return _headless(source, _rows(text), (number, len(names)), robot)
+
+
+def _kind(source: MotionSource, text: str) -> str:
+    """Say what other kind of text a file is; empty if it may be a table."""
+    if source.xml_root:
+        return XML.get(source.xml_root, f"XML with the root <{source.xml_root}>")
+    if source.ending == ".md":
+        return "Markdown"
+    return "JSON" if text.lstrip()[:1] in ("{", "[") else ""
 
 
 def _headless(

@@ -64,13 +64,14 @@ def read(source: MotionSource, robot: Description) -> Motion:
         )
     message = _message(text)
     if isinstance(message, str):
-        raise MotionError("Not a JointTrajectory: expected keys and values.")
+        raise MotionError("Not YAML of a JointTrajectory: expected keys and values.")
     found = message if isinstance(message, dict) else {}
     missing = [repr(key) for key in ("joint_names", "points") if key not in found]
     if missing:
         verb = "are" if len(missing) > 1 else "is"
         raise _refusal(text)(
-            f"Not a JointTrajectory: {' and '.join(missing)} {verb} missing."
+            f"This is YAML, but not a JointTrajectory: {' and '.join(missing)} {verb} "
+            "missing."
         )
     names = _list(message.get("joint_names"), "joint_names")
     if not all(type(name) is str for name in names) or len(names) > MAX_JOINTS:
