@@ -391,7 +391,7 @@ def _ordered(
     newest = before = latest = -(2**62)
     for row, (stamp, time) in enumerate(zip(stamps.tolist(), times.tolist())):
         is_far = stamp < newest - MAX_LATE
-        is_behind = bool((stamps[row : row + MANY] < newest).all())
+        is_behind = stamp < newest and bool((stamps[row : row + MANY] < newest).all())
         if is_far and is_behind and stamp >= before - MAX_LATE:
             newest = before  # the sample before has a stamp of the future
             kept.pop()
