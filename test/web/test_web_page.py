@@ -16,19 +16,24 @@ from waiting import DEADLINE, wait_for
 pytest.importorskip("viser", reason="viser is not installed")
 
 from g1_description.checks.checker import Checker
+from g1_description.checks.live import LiveCheck
 from g1_description.checks.thresholds import Thresholds
 from g1_description.errors import InvalidValueError
 from g1_description.motion.motion import Motion
+from g1_description.robot.state import RobotState
 from g1_description.robot.transform import IDENTITY, compose
 from g1_description.robot.urdf import parse_urdf
 from g1_description.web import check_thread, controls
 from g1_description.web.file_world import FileWorld, StillRobot
+from g1_description.web.findings_panel import plain
 from g1_description.web.scene.robot import RED, rgb
 from g1_description.web.scene.tree import pose_of
 from g1_description.web.server.address import ServerOptions
 from g1_description.web.show import Show
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
+from web_clients import running
+
 from page_client import PageClient
 
 pytestmark = pytest.mark.slow
@@ -542,3 +547,42 @@ def test_a_switch_shows_and_hides_what_it_names(page, label):
         one.set(label, on)
         wanted = before if on == is_on else before ^ SWITCHES[label]
         one.wait_for(lambda w=wanted: looks(one) == w, label)
+
+
+class Given(StillRobot):
+    """A robot in the state that a test gives it."""
+
+    given = None
+
+    def state(self):
+        return self.given
+
+
+def test_a_state_has_the_findings_that_the_node_checker_reports():
+    robot = Given("arms", parse_urdf(ARMS))
+    checker = Checker(robot.description, Thresholds())
+    node = LiveCheck(checker)
+    names = tuple(joint.name for joint in robot.description.movable_joints)
+    up, away = np.array([[0, 0, 3, 0, 0, 0, 1], [1, 0, 3, 0, 0, 0, 1]], dtype=float)
+    show = Show(FileWorld([robot], None), ServerOptions(port=0), lambda _: checker)
+    with running(show), PageClient(show.address) as one:
+        for at, base, rate, found in (
+            (1.0, up, 0.0, {"floating"}),
+            (1.1, away, 0.0, set()),  # it moves
+            (2.0, away, 0.0, {"floating"}),  # it has stopped there
+            (3.0, away, 99.0, {"floating", "velocity"}),
+        ):
+            rates = np.array([rate, 0.0])
+            state = RobotState(round(1e9 * at), names, np.zeros(2), rates, base)
+            verdict = node.check(state)
+            assert {finding.check for finding in verdict.findings} == found
+            robot.given = state
+            lines = [plain(finding.text) for finding in verdict.findings]
+            lines = [f"- {line}" for line in lines] or ["nothing found."]
+
+            def is_listed(lines=lines):
+                texts = [str(e.get("_markdown")) for e in [*one.elements.values()]]
+                now = [text for text in texts if text.startswith("**Now")]
+                return now and all(line in now[0] for line in lines)
+
+            one.wait_for(is_listed, f"the findings at {at} s")

@@ -188,12 +188,7 @@ class LiveChecks:
                 self._states.began_again.clear()
                 self._check.begin_again()
             with self._lock:
-                verdict = self._check.check(
-                    1e-9 * state.stamp,
-                    state.positions_by_name,
-                    state.base_pose,
-                    state.velocities_by_name,
-                )
+                verdict = self._check.check(state)
         except G1DescriptionError as error:
             self._health.refuse(str(error))
             return

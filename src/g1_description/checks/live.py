@@ -11,6 +11,7 @@ from g1_description.checks.checker import Checker
 from g1_description.checks.rules import RULES
 from g1_description.checks.verdict import Verdict
 from g1_description.errors import UnknownNameError
+from g1_description.robot.state import RobotState
 from g1_description.text import listed
 
 AT_REST = tuple(rule.name for rule in RULES if rule.only_at_rest)
@@ -38,21 +39,11 @@ class LiveCheck:
         """Forget the last state, because time went back."""
         self._last = None
 
-    def check(
-        self,
-        time: float,
-        positions: Mapping[str, float],
-        base: np.ndarray | None,
-        velocities: Mapping[str, float] | None = None,
-    ) -> Verdict:
+    def check(self, state: RobotState) -> Verdict:
         """Check a state.
 
         Args:
-            time: Of the state, in [s].
-            positions: In [rad] or [m] by name; unknown joints, such as those of hands,
-                are ignored.
-            base: T_map_base, shape (7,); None where it is not known.
-            velocities: In [rad/s] or [m/s] by name, where they are known.
+            state: Its unknown joints, such as those of hands, are ignored.
 
         Returns:
             The verdict. While the centre of mass moves, the checks of ``AT_REST`` are
@@ -61,10 +52,12 @@ class LiveCheck:
         Raises:
             G1DescriptionError: If it cannot be checked.
         """
+        positions, velocities = state.positions_by_name, state.velocities_by_name
+        base = state.base_pose
         content = (
-            dict(positions),
+            positions,
             None if base is None else base.tobytes(),
-            None if velocities is None else dict(velocities),
+            velocities,
         )
         if self._newest is None or content != self._newest[0]:
             own = self._own(positions)
@@ -72,7 +65,7 @@ class LiveCheck:
             verdict = self._checker.check_state(own, base, LIVE, rates)
             self._newest = content, verdict
         verdict = self._newest[1]
-        if self._moves(time, verdict):
+        if self._moves(state.time, verdict):
             return _without(verdict, AT_REST, "the robot moves")
         return verdict
 

@@ -151,8 +151,8 @@ class CheckThread:
             live.begin_again()
         self._was_past[robot] = past
         if before is not None:
-            live.check(before.time, before.positions_by_name, before.base_pose)
-        verdict = live.check(state.time, state.positions_by_name, state.base_pose)
+            live.check(before)
+        verdict = live.check(state)
         self._ui.post(("seen", robot), lambda: self._seen(robot, state, verdict))
 
     def _checker(self, robot: ShownRobot) -> Checker:

@@ -62,6 +62,7 @@ class Shown:
         self._canvas = SceneMarks(self._scene, f"{MAP}/checks/{self._name}")
         self._state: RobotState | None = None
         self._checked: RobotState | None = None
+        self._marked: Verdict | None = None
 
     @property
     def has_gizmo(self) -> bool:
@@ -112,21 +113,25 @@ class Shown:
         return self._checked is not None
 
     def must_be_checked(self) -> bool:
-        """Tell whether it has moved since it was checked, which it is from now on."""
+        """Return whether its state is another one; it is checked from now on."""
         last, self._checked = self._checked, self._state
-        return last is None or not _same(last, self._state)
+        return last is not self._state
 
     def mark(self, state: RobotState, verdict: Verdict) -> None:
-        """Mark the findings of a state."""
+        """Mark the findings of a state, unless they are marked."""
+        if verdict is self._marked:
+            return
         self.body.redden(red_links(verdict))
         seen = self._state or state
-        if state.base_pose is not None and abs(seen.time - state.time) < STALE:
+        is_fresh = abs(seen.time - state.time) < STALE
+        if state.base_pose is not None and is_fresh:
             draw_marks(self._canvas, verdict, LIMIT_MARGIN)
         self._canvas.show()
+        self._marked = verdict if is_fresh else None
 
     def unmark(self) -> None:
         """Remove the marks."""
-        self._checked = None
+        self._checked = self._marked = None
         self.body.redden(())
         self._canvas.show()
 
@@ -144,12 +149,3 @@ def _differs(state: RobotState) -> bool:
         abs(position - measured.get(name, position)) > NEAR
         for name, position in state.commanded.items()
     )
-
-
-def _same(a: RobotState, b: RobotState | None) -> bool:
-    """Tell whether two states are of one configuration."""
-    if b is None or (a.base_pose is None) != (b.base_pose is None):
-        return False
-    if a.base_pose is not None and (a.base_pose != b.base_pose).any():
-        return False
-    return a.positions_by_name == b.positions_by_name
