@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import deque
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -79,6 +80,23 @@ def keyframe_motion(
     Raises:
         InvalidValueError: If there are fewer than two, or times do not increase.
     """
+    made = deque(keyframe_pieces(robot, inverse, feet, keyframes, way), maxlen=1).pop()
+    assert made is not None
+    return made
+
+
+def keyframe_pieces(
+    robot: Description,
+    inverse: InverseKinematics,
+    feet: Sequence[str],
+    keyframes: Sequence[Keyframe],
+    way: str = STOP,
+) -> Iterator[KeyframeMotion | None]:
+    """Make the motion of ``keyframe_motion`` in pieces; the arguments are the same.
+
+    Yields:
+        None after each sample that takes time; at last the motion.
+    """
     if len(keyframes) < 2:
         raise InvalidValueError(
             f"A motion needs at least two keyframes (got {len(keyframes)})."
@@ -88,7 +106,7 @@ def keyframe_motion(
         raise InvalidValueError("The times of keyframes must increase.")
     between = _Between(robot, inverse, feet, keyframes, way)
     counts = np.maximum(1, np.round(durations / PERIOD)).astype(int)
-    motion, before = between.motion(counts), np.inf
+    motion, before = (yield from between.motion(counts)), np.inf
     for _ in range(MOST_CHANGES):
         excess = between.excess(motion, counts)
         if not (excess > 1.0).any() or excess.max() > LEAST_GAIN * before:
@@ -96,9 +114,9 @@ def keyframe_motion(
         before = excess.max()
         more = np.ceil(counts * np.maximum(excess, 1.0)).astype(int)
         counts = np.where(excess > 1.0, np.maximum(more, counts + 1), counts)
-        motion = between.motion(counts)
+        motion = yield from between.motion(counts)
     times = PERIOD * np.concatenate([[0], np.cumsum(counts)])
-    return KeyframeMotion(motion, tuple(times.tolist()))
+    yield KeyframeMotion(motion, tuple(times.tolist()))
 
 
 class _Between:
@@ -128,8 +146,8 @@ class _Between:
         poses = Kinematics(robot).link_poses(roots, positions)
         self._feet = {foot: poses[:, links.index(foot)] for foot in feet}
 
-    def motion(self, counts: np.ndarray) -> Motion:
-        """Interpolate with numbers of samples per segment."""
+    def motion(self, counts: np.ndarray) -> Generator[None, None, Motion]:
+        """Interpolate with numbers of samples per segment; yield after slow ones."""
         ends = np.concatenate([[0], np.cumsum(counts)])
         values = _interpolated(self._values, ends, self._way)
         for segment, (begin, end) in enumerate(zip(ends, ends[1:])):
@@ -137,6 +155,7 @@ class _Between:
             for row in range(begin + 1, end) if standing else ():
                 share = (row - begin) / (end - begin)
                 self._settle(values[row], standing, share)
+                yield
         n_joints = len(self._names)
         return Motion(
             PERIOD * np.arange(len(values)),

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from functools import partial
+from itertools import islice
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,7 +17,7 @@ from g1_description.ik.keyframes import (
     STOP,
     Keyframe,
     KeyframeMotion,
-    keyframe_motion,
+    keyframe_pieces,
 )
 from g1_description.ik.posing import Posing
 from g1_description.motion.motion import Motion
@@ -35,7 +37,7 @@ from g1_description.web.saved_motions import folder, save_motion
 from g1_description.web.ui_loop import UiLoop
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     from viser import GuiApi
 
@@ -44,6 +46,9 @@ NONE = "none"
 
 MAX_SECONDS = 60.0
 """Longest time between two keyframes, in [s]."""
+
+SLICE = 20
+"""Samples that are made at a time; other buttons wait for at most one slice."""
 
 TAKE, REPLACE, DELETE, SHOW = "Take", "Replace", "Delete", "Show"
 
@@ -242,16 +247,23 @@ class KeyframesPanel:
         self._made = None
         self._tell("")
         if len(self.frames) > 1:
-            number = self._n_changes
-            act = partial(self._through, number, [*self.frames])
-            self._ui.wait_for(act, partial(self._open, number))
+            robot, inverse = self._robot.description, self._posing.inverse
+            frames, way = [*self.frames], str(self._way.value)
+            pieces = keyframe_pieces(robot, inverse, self._feet, frames, way)
+            self._make_on(self._n_changes, pieces)
 
-    def _through(self, number: int, frames: list[Keyframe]) -> KeyframeMotion | None:
-        """Make the motion, unless keyframes have changed since."""
-        if number != self._n_changes:
-            return None
-        robot, inverse = self._robot.description, self._posing.inverse
-        return keyframe_motion(robot, inverse, self._feet, frames, str(self._way.value))
+    def _make_on(self, number: int, pieces: Iterator[KeyframeMotion | None]) -> None:
+        """Make a slice of the motion after what waits, then the next one."""
+
+        def act() -> KeyframeMotion | None:
+            if number != self._n_changes:
+                return None
+            made = deque(islice(pieces, SLICE), maxlen=1).pop()
+            if made is None:
+                self._make_on(number, pieces)
+            return made
+
+        self._ui.wait_for(act, partial(self._open, number))
 
     def _open(self, number: int, made: KeyframeMotion | None) -> None:
         """Open the motion, unless keyframes have changed: its time line and checks."""
