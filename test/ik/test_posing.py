@@ -91,5 +91,38 @@ def test_links_are_dragged_by_their_centres(g1, posing):
     np.testing.assert_allclose(found[:3] + center, target[:3], rtol=0, atol=1e-3)
 
 
+@pytest.mark.parametrize("is_let_go", [False, True])
+def test_a_drag_in_pieces_of_few_steps_ends_where_one_in_one_piece_does(
+    posing, is_let_go
+):
+    target = np.add(posing.places()["head_link"][:3], [3.0, 0.0, 0.0])
+    whole = posing.drag("head", target)
+    posing.undo()
+    posing.end_drag()
+    found, pieces = posing.drag("head", target, most=4), []
+    if is_let_go:
+        posing.end_drag()
+    while found is not None:
+        pieces.append(found)
+        found = posing.go_on()
+    steps = np.diff([0, *(piece.steps for piece in pieces)])
+    assert len(steps) > 2
+    assert (steps <= 4).all()
+    assert pieces[-1].steps == whole.steps
+    np.testing.assert_array_equal(pieces[-1].positions, whole.positions)
+    np.testing.assert_array_equal(pieces[-1].base, whole.base)
+    placed, _ = posing.place()
+    np.testing.assert_array_equal(placed, whole.positions)
+
+
+def test_nothing_is_searched_after_a_drag_that_was_undone(posing):
+    before, _ = posing.place()
+    target = np.add(posing.places()["head_link"][:3], [3.0, 0.0, 0.0])
+    posing.drag("head", target, most=4)
+    posing.undo()
+    assert posing.go_on() is None
+    np.testing.assert_array_equal(posing.place()[0], before)
+
+
 def test_the_standing_pose_is_that_of_the_profile(posing):
     assert posing.standing_pose == "stand"

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections import deque
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
+from itertools import islice
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +13,7 @@ import numpy as np
 from g1_description.bounds import NORM_TOLERANCE
 from g1_description.checks.support import Corners, support_polygon
 from g1_description.errors import InvalidValueError, UnknownNameError
-from g1_description.ik.search import STARTS, descend, search
+from g1_description.ik.search import STARTS, descend, last, search
 from g1_description.ik.solver import (
     HARD,
     TOLERANCE,
@@ -225,11 +227,39 @@ class InverseKinematics:
             UnknownNameError: If a link is unknown.
             InvalidValueError: If a target is not a pose, or balance has no support.
         """
+        (found,) = self.pieces(targets, positions, base, options, starts, begin)
+        return found
+
+    def pieces(
+        self,
+        targets: Mapping[str, Any],
+        positions: np.ndarray,
+        base: np.ndarray,
+        options: IkOptions,
+        starts: int = STARTS,
+        begin: tuple[np.ndarray, np.ndarray] | None = None,
+        most: int | None = None,
+    ) -> Iterator[IkResult]:
+        """Search a configuration in pieces; the arguments are those of ``solve``.
+
+        Args:
+            targets: Where links are brought.
+            positions: Of the joints at the start.
+            base: Pose of the base link at the start.
+            options: What the configuration keeps to.
+            starts: Most starts.
+            begin: Where the search begins.
+            most: Most steps of a piece; None: there is only one.
+
+        Yields:
+            The best configuration after each piece; at last that of ``solve``.
+        """
         problem = self._problem(targets, positions, base, options)
         first = problem.start if begin is None else self._configuration(*begin)
         tasks, bounds, posture = problem.tasks, problem.bounds, problem.start.position
-        view, steps = search(self._solver, first, tasks, bounds, posture, starts)
-        return self._result(problem, view, steps)
+        steps = search(self._solver, first, tasks, bounds, posture, starts)
+        while piece := deque(islice(steps, most), maxlen=1):
+            yield self._result(problem, *piece.pop())
 
     def path(
         self,
@@ -266,8 +296,8 @@ class InverseKinematics:
         ]
         first = self._problem(rows[0], positions, base, options)
         posture = first.start.position
-        view, steps = search(
-            self._solver, first.start, first.tasks, first.bounds, posture
+        view, steps = last(
+            search(self._solver, first.start, first.tasks, first.bounds, posture)
         )
         results = [self._result(first, view, steps)]
         for row, duration in zip(rows[1:], np.diff(times)):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Tuple
 
 import numpy as np
@@ -94,6 +94,8 @@ class Posing:
         self._begin: Placed | None = None
         """Where the robot was when the present drag began."""
         self._now: Placed | None = None
+        self._search: Iterator[IkResult] = iter(())
+        """What is left of the search of the last drag."""
         self._floor = 0.0
         """Height below which no link gets in this drag: that of the map, or lower where
         the robot is lower."""
@@ -171,7 +173,11 @@ class Posing:
     # --- dragging ---
 
     def drag(
-        self, name: str, target: np.ndarray, point: np.ndarray | None = None
+        self,
+        name: str,
+        target: np.ndarray,
+        point: np.ndarray | None = None,
+        most: int | None = None,
     ) -> IkResult:
         """Move the robot so that a link follows; begins a drag if none is going on.
 
@@ -180,6 +186,7 @@ class Posing:
             target: Pose in the map, shape (7,), or only a position, shape (3,).
             point: The point of the link that follows, in its frame, shape (3,); None:
                 its origin.
+            most: Most steps of the search, and of each ``go_on``; None: all.
 
         Raises:
             InvalidValueError: If the state of the robot is unknown.
@@ -200,14 +207,31 @@ class Posing:
             points={} if point is None else {name: point},
         )
         inverse = (self._apart if options.collisions else None) or self.inverse
-        found = inverse.solve({name: target}, *self._begin, options, 1, self._now)
-        self._now = found.positions, found.base
-        self._command(self._now)
+        self._search = inverse.pieces(
+            {name: target}, *self._begin, options, 1, self._now, most
+        )
+        found = self.go_on()
+        assert found is not None
+        return found
+
+    def go_on(self) -> IkResult | None:
+        """Search on for the last drag, also after its end; None: that is done."""
+        found = next(self._search, None)
+        if found is not None:
+            placed = found.positions, found.base
+            self._now = None if self._begin is None else placed
+            self._command(placed)
         return found
 
     def end_drag(self) -> None:
         """End a drag; the next one begins where the robot is then."""
         self._begin = self._now = None
+
+    def _go(self, placed: Placed) -> None:
+        """Move to a configuration instead of what is searched."""
+        self.end_drag()
+        self._search = iter(())
+        self._command(placed)
 
     def _command(self, placed: Placed) -> None:
         """Command a configuration."""
@@ -240,8 +264,7 @@ class Posing:
             InvalidValueError: If the state of the robot is unknown.
         """
         self._remember(self._present())
-        self.end_drag()
-        self._command(placed)
+        self._go(placed)
 
     def undo(self) -> None:
         """Take back the last change.
@@ -264,8 +287,7 @@ class Posing:
         if not source:
             raise InvalidValueError(f"There is nothing to {what}.")
         other.append(self._present())
-        self.end_drag()
-        self._command(source.pop())
+        self._go(source.pop())
 
     def mirror(self) -> None:
         """Exchange left and right, at the plane y = 0 of the map.

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator, Sequence
+from typing import Tuple
 
 import numpy as np
 
@@ -33,6 +35,10 @@ STARTS = 16
 """Number of starts: the given one, then random ones, farther from it each time."""
 
 
+Found = Tuple[Linearization, int]
+"""The best configuration so far, and the number of steps."""
+
+
 def search(
     solver: IkSolver,
     start: Configuration,
@@ -40,7 +46,7 @@ def search(
     bounds: IkConstraints,
     posture: np.ndarray,
     starts: int = STARTS,
-) -> tuple[Linearization, int]:
+) -> Iterator[Found]:
     """Search a configuration that reaches tasks.
 
     Args:
@@ -51,25 +57,32 @@ def search(
         posture: Positions to prefer where tasks leave a choice, shape (n_joints,).
         starts: Most starts; 1: only the given one.
 
-    Returns:
-        The first configuration within the tolerance, or else the best one, and the
-        number of steps.
+    Yields:
+        After each step, the best configuration so far; at last the first one within the
+        tolerance, or else the best one.
     """
-    best, steps = descend(solver, solver.view(start, tasks, bounds), posture)
+    for best, steps in _descend(solver, solver.view(start, tasks, bounds), posture):
+        yield best, steps
     for begin in _starts(best, start, starts - 1):
         if best.badness <= 1.0:
-            return best, steps
-        found, more = descend(solver, solver.view(begin, tasks, bounds), posture)
+            return
+        view = solver.view(begin, tasks, bounds)
+        for found, more in _descend(solver, view, posture):
+            yield min(best, found, key=_cost), steps + more
         best, steps = min(best, found, key=_cost), steps + more
     if best.badness > 1.0:
-        best, more = _settle(solver, best, posture)
-        steps += more
-    return best, steps
+        for settled, more in _settle(solver, best, posture):
+            yield settled, steps + more
+
+
+def last(found: Iterator[Found]) -> Found:
+    """Search to the end."""
+    return deque(found, maxlen=1).pop()
 
 
 def descend(
-    solver: IkSolver, view: Linearization, posture: np.ndarray, most: int = MAX_STEPS
-) -> tuple[Linearization, int]:
+    solver: IkSolver, view: Linearization, posture: np.ndarray, most: int
+) -> Found:
     """Step from one configuration until nothing improves.
 
     The cost may rise for some steps: links that are held move on an arc at first.
@@ -83,18 +96,26 @@ def descend(
     Returns:
         The best configuration, and the number of steps.
     """
+    return last(_descend(solver, view, posture, most))
+
+
+def _descend(
+    solver: IkSolver, view: Linearization, posture: np.ndarray, most: int = MAX_STEPS
+) -> Iterator[Found]:
+    """Yield what ``descend`` has at the beginning, and after each step."""
     best, steps, since = view, 0, 0
+    yield best, steps
     while best.badness > FINE and since < PATIENCE and steps < most:
         now = solver.step(view, posture, DAMPING * view.cost)
         view, steps = solver.view(now, view.tasks, view.bounds), steps + 1
         since = 0 if view.cost < PROGRESS * best.cost else since + 1
         best = min(best, view, key=_cost)
-    return best, steps
+        yield best, steps
 
 
 def _settle(
     solver: IkSolver, view: Linearization, posture: np.ndarray
-) -> tuple[Linearization, int]:
+) -> Iterator[Found]:
     """Step down to the least cost, where targets cannot be reached."""
     damping, steps = DAMPING * view.cost, 0
     while damping < view.cost and steps < MAX_STEPS:
@@ -103,7 +124,7 @@ def _settle(
         is_better = tried.cost < view.cost
         damping *= 0.3 if is_better else 5.0
         view = tried if is_better else view
-    return view, steps
+        yield view, steps
 
 
 def _cost(view: Linearization) -> float:

@@ -45,6 +45,9 @@ LONGEST = 60.0
 """Time without a move after which a gizmo is no longer held, in [s]: browsers that
 vanish do not let it go."""
 
+STEPS = 3
+"""Most steps of a search at a time; the page is drawn in between."""
+
 UNDO, REDO, MIRROR, RESET = "Undo", "Redo", "Mirror", "Reset"
 
 
@@ -82,6 +85,10 @@ class ReachPanel:
         """Role of the gizmo that is held with the mouse."""
         self._grabbed: tuple[str, np.ndarray] | None = None
         """A link that is dragged with the mouse, and where in its frame."""
+        self._pulled = ""
+        """Role or name of the link that was dragged last."""
+        self._found: IkResult | None = None
+        """The best that its search has found, while that goes on."""
         self._ghosts: dict[str, list[MeshHandle]] = {}
         self._looked = 0.0
         self._add(server)
@@ -185,20 +192,34 @@ class ReachPanel:
         if not self._is_dragged(role):
             self.posing.end_drag()
         self._dragged_at[role] = time.monotonic()
-        found = self._move(role, pose, self.posing.centers[role])
-        self._show_ghost(role, found is not None and not found.reached)
+        self._move(role, pose, self.posing.centers[role])
 
-    def _move(
-        self, link: str, target: np.ndarray, point: np.ndarray | None = None
-    ) -> IkResult | None:
-        """Move the robot; tell what is not reached."""
+    def _move(self, link: str, target: np.ndarray, point: np.ndarray) -> None:
+        """Move the robot."""
+        self._pulled, self._found = link, None
         try:
-            found = self.posing.drag(link, target, point)
+            self._found = self.posing.drag(link, target, point, STEPS)
         except InvalidValueError as error:
+            self._show_ghost(link, False)
             self._tell(str(error))
-            return None
+            return
+        self._go_on_soon()
+
+    def _go_on_soon(self) -> None:
+        """Search on after the next picture."""
+        self._ui.post(("search", id(self)), self._go_on)
+
+    def _go_on(self) -> None:
+        """Search on; show at the end what is not reached."""
+        found = self._found
+        if found is None:
+            return
+        self._found = self.posing.go_on()
+        if self._found is not None:
+            self._go_on_soon()
+            return
         self._tell(found.message)
-        return found
+        self._show_ghost(self._pulled, not found.reached)
 
     def _begin_or_end(self, role: str, event: Any) -> None:
         """Hear of the mouse that takes a gizmo or lets it go, in a thread of viser."""
@@ -246,8 +267,8 @@ class ReachPanel:
                 self._move(link, place, self._grabbed[1])
 
     def _show_ghost(self, role: str, is_on: bool) -> None:
-        """Show a link at its target, below its gizmo, or hide it."""
-        if is_on and role not in self._ghosts:
+        """Show the link of a gizmo at its target, or hide it."""
+        if is_on and role in self._gizmos and role not in self._ghosts:
             link = self.posing.roles[role]
             center = self.posing.centers[role].astype(np.float32)
             self._ghosts[role] = [
@@ -282,6 +303,7 @@ class ReachPanel:
                 MIRROR: self.posing.mirror,
             }[what]()
         self._dragged_at = dict.fromkeys(self._gizmos, -math.inf)
+        self._found = None
         self._tell("")
 
     def _tell(self, text: str) -> None:
