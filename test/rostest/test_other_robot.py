@@ -90,7 +90,7 @@ class Display:
     def test_its_page_has_its_joints_and_poses(self):
         with PageClient(f"http://127.0.0.1:{self.port}") as client:
             client.wait_until_whole()
-            self.assertEqual(tuple(client.element("Take")["options"]), self.poses)
+            self.assertEqual(tuple(client.element("Go to pose")["options"]), self.poses)
             words = {w for e in [*client.elements.values()] for w in str(e).split("'")}
         self.assertFalse(words & ITS_NAMES)
         self.assertLessEqual({n.replace("_joint", "") for n in self.names}, words)

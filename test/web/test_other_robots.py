@@ -136,7 +136,7 @@ def test_the_page_has_no_pose_and_no_name_of_the_g1(stranger):
     show = Show(world, ServerOptions(port=0), lambda robot: Robot(stranger).checker())
     with running(show), PageClient(show.address) as client:
         client.wait_until_whole()
-        assert [*client.element("Take")["options"]] == ["zero"]
+        assert [*client.element("Go to pose")["options"]] == ["zero"]
         words = {w for e in [*client.elements.values()] for w in str(e).split("'")}
         assert not words & ITS_NAMES
 

@@ -57,11 +57,11 @@ def browser(g1, shown, stand, tmp_path, monkeypatch):
             one.wait_for(lambda old=begin: one.value("Selected") != old, "one less")
         show.page.motion.motions.clear()
         robot.command_all(stand, standing_base(g1.description, stand))
-        one.set("Keyframe", "Take")
+        one.set("Keyframe", "Add")
         one.wait_for(lambda: one.value("Selected") == "1 at 0.00 s", "one")
         robot.command({"left_elbow_joint": -0.8})
         one.set("Seconds before", 1.0)
-        one.set("Keyframe", "Take")
+        one.set("Keyframe", "Add")
         one.wait_for(lambda: one.value("Selected") == "2 at 1.00 s", "another")
         yield one
 
@@ -139,7 +139,7 @@ def test_times_move_on_the_bar_and_as_numbers(shown, browser):
     browser.set("Seconds before", 2.0)
     opened(shown, 2, 2.0)
     browser.wait_for(lambda: list(browser.value("Times")) == [0.0, 2.0], "the bar")
-    browser.set("Keyframe", "Take")  # after the selected one
+    browser.set("Keyframe", "Add")  # after the selected one
     opened(shown, 3, 4.0)
     browser.set("Times", (0.0, 0.004, 0.0))  # no browser sends such
     browser.wait_for(lambda: list(browser.value("Times")) == [0, 2.0, 4.0], "the bar")
@@ -189,7 +189,9 @@ def test_motions_and_poses_are_saved(g1, shown, browser, tmp_path):
     browser.wait_for(lambda: refused in str(browser.elements), "a refusal")
     browser.set("Save", "Poses")
     wait_for(lambda: "lift_2" in read_poses(g1.description), "the poses")
-    browser.wait_for(lambda: "lift_2" in browser.element("Take")["options"], "a button")
+    browser.wait_for(
+        lambda: "lift_2" in browser.element("Go to pose")["options"], "a button"
+    )
     assert file.read_bytes() == content
     pose = read_poses(g1.description)["lift_2"]
     assert pose.positions["left_elbow_joint"] == pytest.approx(-0.8)
@@ -237,7 +239,7 @@ def test_keys_play_step_and_take(shown, browser):
     wait_for(lambda: player.time == pytest.approx(0.98), "the sample before")
     press("One sample on")
     wait_for(lambda: player.time == pytest.approx(1.0), "the sample after")
-    press("Take a keyframe")
+    press("Add a keyframe")
     opened(shown, 3, 2.0)
     press("Show gizmos, or hide them")
     name = "/map/reach/g1/left_hand"

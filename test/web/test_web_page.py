@@ -179,7 +179,7 @@ def test_a_slider_moves_the_robot_and_follows_whoever_moves_it(page):
     assert page.position() == -0.5
     page.world.move(page.robot, {"right_elbow_joint": 0.7}, 0.0)
     one.wait_for(lambda: one.value("right_elbow") == 0.7, "the slider")
-    one.set("Take", "zero")
+    one.set("Go to pose", "zero")
     one.wait_for(lambda: one.value("left_elbow") == 0.0, "the slider at zero")
     assert page.position() == 0.0
 
@@ -386,7 +386,14 @@ def test_nonsense_moves_nothing_and_the_page_goes_on(fresh):
     page = fresh
     one, other = page.client(), page.client()
     before = page.robot.state()
-    for label in ("left_elbow", "x y z", "Roll pitch yaw", "Seconds", "Take", "Name"):
+    for label in (
+        "left_elbow",
+        "x y z",
+        "Roll pitch yaw",
+        "Seconds",
+        "Go to pose",
+        "Name",
+    ):
         uuid = one.element(label)["uuid"]
         for value in (*NONSENSE, [math.nan] * 3, [1e300] * 3, ["a"] * 3, [1.0, 2.0]):
             one.send("GuiUpdateMessage", uuid=uuid, updates={"value": value})
@@ -417,7 +424,7 @@ def test_who_may_only_look_changes_nothing():
         client = page.client()
         before = page.robot.state().positions_by_name
         labels = {e.get("label") for e in list(client.elements.values())}
-        assert not labels & {"left_elbow", "Take", "Save pose", "x y z"}
+        assert not labels & {"left_elbow", "Go to pose", "Save pose", "x y z"}
         values = list(client.elements)
         for uuid in values:
             for value in (True, 0.5, "zero"):
@@ -482,10 +489,12 @@ def test_a_saved_pose_can_be_taken_again(page, tmp_path, monkeypatch):
     wait_for(lambda: page.position() == 1.614429558, "the limit")
     client.set("Name", "high")
     client.press("Save pose")
-    client.wait_for(lambda: "high" in client.element("Take")["options"], "the button")
+    client.wait_for(
+        lambda: "high" in client.element("Go to pose")["options"], "the button"
+    )
     client.set("left_elbow", 0.0)
     wait_for(lambda: page.position() == 0.0, "a move away")
-    client.set("Take", "high")
+    client.set("Go to pose", "high")
     wait_for(lambda: page.position() == pytest.approx(1.614429558), "the pose")
 
 

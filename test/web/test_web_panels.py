@@ -410,15 +410,15 @@ def test_the_poses_that_fit_are_taken_in_a_time(poses):
     for seconds in (0.0, 10.0):
         done.clear()
         panel._seconds.value = seconds
-        panel._take()
+        panel._go()
         assert done == ["let go", (panel._robot, goal, seconds)]
     for seconds in (-0.1, 10.1):
         panel._seconds.value = seconds
         with pytest.raises(InvalidValueError, match="must be from 0 to 10 "):
-            panel._take()
+            panel._go()
     file.write_text("low:\n  nose: 0.5\n")
     with pytest.raises(UnknownNameError, match="nose"):
-        panel._take()
+        panel._go()
     assert len(done) == 2
     empty = controls.PosePanel(panel._gui, panel._ui, None, panel._robot, None)
     assert empty._poses.options == ("none",)
@@ -437,12 +437,12 @@ def test_a_pose_is_saved_under_a_new_name_or_where_it_is_wanted(poses):
         panel._name.value = name
         with pytest.raises(G1DescriptionError, match=told):
             panel._save()
-    panel._replace.value = True
+    panel._overwrite.value = True
     panel._save()
     (pose,) = (p for p in controls.read_poses(None).values() if p.name == "low")
     assert pose.positions == {"to_b": 0.25, "to_c": -0.5}
     assert pose.about == "saved in the browser"
-    assert panel._replace.value is False
+    assert panel._overwrite.value is False
     assert done == [(f"Saved pose low in {file}.", "green")]
     panel._name.value = " new "
     panel._save()

@@ -292,7 +292,7 @@ class InteractiveMarkers:
         add("Undo", posing.undo)
         add("Redo", posing.redo)
         if poses:
-            parent = menu.insert("Take pose")
+            parent = menu.insert("Go to pose")
             for name in poses:
                 add(name, partial(posing.reset, name), parent)
         add("Reset", partial(posing.reset, posing.standing_pose))

@@ -381,21 +381,21 @@ class PosePanel:
                 hint="duration of the motion; 0: at once",
             )
             self._poses = gui.add_button_group(
-                "Take", fitting_poses(robot.description) or [NONE]
+                "Go to pose", fitting_poses(robot.description) or [NONE]
             )
             self._name = gui.add_text("Name", "", hint="of the pose to save")
-            self._replace = gui.add_checkbox(
-                "Replace", False, hint="a pose of that name, if there is one"
+            self._overwrite = gui.add_checkbox(
+                "Overwrite", False, hint="a pose of that name, if there is one"
             )
             save = gui.add_button("Save pose", hint=f"into {user_file()}")
         ui.on(save, self._save)
-        ui.on(self._poses, self._take)
+        ui.on(self._poses, self._go)
 
     def refresh(self) -> None:
         """Update the list of poses, as others may have been saved."""
         self._poses.options = tuple(fitting_poses(self._robot.description)) or (NONE,)
 
-    def _take(self) -> None:
+    def _go(self) -> None:
         """Move the robot to the selected pose, read again from the file."""
         robot = self._robot.description
         pose = find_pose(self._poses.value, read_poses(robot))
@@ -418,14 +418,14 @@ class PosePanel:
         check_name(name)
         if name == ZERO:
             raise InvalidValueError(f"{ZERO} is a built-in pose: choose another name.")
-        if name in read_poses(self._robot.description) and not self._replace.value:
+        if name in read_poses(self._robot.description) and not self._overwrite.value:
             raise InvalidValueError(
-                f"The pose {name} already exists; tick Replace to overwrite it."
+                f"The pose {name} already exists; tick Overwrite to replace it."
             )
         if state is None:
             raise InvalidValueError("Nothing to save: no state has been received yet.")
         positions = known(state.positions_by_name, self._robot)
         save_pose(Pose(name, positions, "saved in the browser"), user_file())
-        self._replace.value = False
+        self._overwrite.value = False
         self.refresh()
         self._ui.tell(f"Saved pose {name} in {user_file()}.", "green")

@@ -50,13 +50,13 @@ MAX_SECONDS = 60.0
 SLICE = 20
 """Samples that are made at a time; other buttons wait for at most one slice."""
 
-TAKE, REPLACE, DELETE, SHOW = "Take", "Replace", "Delete", "Show"
+ADD, REPLACE, DELETE, SHOW = "Add", "Replace", "Delete", "Show"
 
 MOTION, POSES = "Motion", "Poses"
 
 
 class KeyframesPanel:
-    """Takes keyframes of one robot, and makes motions of them."""
+    """Adds keyframes of one robot, and makes motions of them."""
 
     def __init__(
         self,
@@ -94,7 +94,7 @@ class KeyframesPanel:
         with gui.add_folder("Keyframes", expand_by_default=False):
             self._change = gui.add_button_group(
                 "Keyframe",
-                [TAKE, REPLACE, DELETE, SHOW],
+                [ADD, REPLACE, DELETE, SHOW],
                 hint="the present configuration as the next one, or the selected one",
             )
             self._selected = gui.add_dropdown("Selected", [NONE])
@@ -125,16 +125,16 @@ class KeyframesPanel:
         ui.on(self._save, lambda: self.save(self._save.value))
 
     def change(self, what: str) -> None:
-        """Take, replace, delete or show a keyframe.
+        """Add, replace, delete or show a keyframe.
 
         Raises:
             InvalidValueError: If there is none, or the state of the robot is unknown.
         """
         frames, row = self.frames, self._row
-        if what == TAKE:
-            self._take()
+        if what == ADD:
+            self._add_present()
         elif not frames:
-            raise InvalidValueError("There is no keyframe: take one first.")
+            raise InvalidValueError("There is no keyframe: add one first.")
         elif what == REPLACE:
             frames[row] = Keyframe(frames[row].time, *self._posing.place())
         elif what == SHOW:
@@ -145,8 +145,8 @@ class KeyframesPanel:
             self._row = max(0, row - 1)
         self._changed()
 
-    def _take(self) -> None:
-        """Take the robot as it is as the keyframe after the selected one."""
+    def _add_present(self) -> None:
+        """Add the robot as it is as the keyframe after the selected one."""
         placed, seconds = self._posing.place(), self._valid_seconds()
         if not self.frames:
             self.frames = [Keyframe(0.0, *placed)]
@@ -300,13 +300,13 @@ class KeyframesPanel:
         if what == MOTION:
             if self._made is None:
                 raise InvalidValueError(
-                    "There is no motion: take two keyframes, or wait until it is made."
+                    "There is no motion: add two keyframes, or wait until it is made."
                 )
             file = save_motion(name, self._made, self._robot.description)
             self._ui.tell(f"Saved {file}.", "green")
             return
         if not self.frames:
-            raise InvalidValueError("There is no keyframe: take one first.")
+            raise InvalidValueError("There is no keyframe: add one first.")
         check_name(name)
         names = [f"{name}_{number}" for number in range(1, len(self.frames) + 1)]
         file = user_file()

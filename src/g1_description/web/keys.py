@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 from g1_description.web.history_panel import HistoryPanel
-from g1_description.web.keyframes_panel import TAKE
+from g1_description.web.keyframes_panel import ADD
 from g1_description.web.motion_panel import MotionPanel
 from g1_description.web.reach_panel import REDO, UNDO
 from g1_description.web.shown import Shown
@@ -65,8 +65,8 @@ def keys_of(
         keys.append(Key("L", None, "L", "back from the past to live", history.live))
     reach, keyframes = shown.reach, shown.keyframes
     if reach is not None and keyframes is not None:
-        take = Key("K", None, "K", "take a keyframe", lambda: keyframes.change(TAKE))
-        keys += [] if has_library else [take]
+        add = Key("K", None, "K", "add a keyframe", lambda: keyframes.change(ADD))
+        keys += [] if has_library else [add]
         keys += [
             Key("G", None, "G", "show gizmos, or hide them", reach.toggle),
             Key("Z", "cmd/ctrl", "Ctrl+Z", "undo", lambda: reach.change(UNDO)),
