@@ -11,6 +11,7 @@ import socket
 import subprocess
 import sys
 import threading
+from xml.etree import ElementTree
 from xmlrpc.server import SimpleXMLRPCServer
 
 import pytest
@@ -25,6 +26,7 @@ from g1_description.files import model_files  # noqa: E402
 from g1_description.gazebo.programs import launched_robot  # noqa: E402
 from g1_description.robot.launch_arguments import (  # noqa: E402
     CHOICES,
+    STAND_IN_ONLY,
     given_to_own_file,
 )
 
@@ -223,6 +225,21 @@ def test_a_wrong_argument_ends_the_launch_with_a_sentence(launch, argument):
 def test_what_is_on_the_command_line_alone_is_checked_too(launch, argument):
     told = refusal(launch, argument, on_command_line=True)
     assert WRONG_ON_COMMAND_LINE[argument] in told
+
+
+@pytest.mark.parametrize(
+    "argument", ["physics:=limp", "engine:=mujoco", "fixed_base:=true", "motors:=own"]
+)
+def test_what_the_real_gazebo_ignores_is_refused(launch, argument):
+    told = refusal(launch, "sim:=gazebo", argument)
+    assert told.startswith(f"{argument} has no effect with sim:=gazebo; leave it out")
+
+
+def test_the_docs_of_arguments_say_which_the_real_gazebo_ignores():
+    """An anchor has an effect where a package is in Gazebo's place."""
+    arguments = ElementTree.parse(LAUNCH / "gazebo.launch").iter("arg")
+    only = {a.get("name") for a in arguments if "stand-in only" in a.get("doc", "")}
+    assert only == {*STAND_IN_ONLY, "anchor"}
 
 
 def test_a_robot_of_which_no_feet_are_known_has_no_lowest_foot(launch):

@@ -13,7 +13,11 @@ import rospy
 import yaml
 from g1_description.msg import RobotState
 from g1_description.srv import GetAnchor, SetAnchor
-from gazebo_msgs.srv import GetWorldProperties
+from gazebo_msgs.srv import (
+    GetPhysicsProperties,
+    GetPhysicsPropertiesResponse,
+    GetWorldProperties,
+)
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 from support import browser
@@ -24,6 +28,7 @@ from support.ros_testing import Connected, position_of, service, wait_for
 import g1_description
 from g1_description.cli import doctor
 from g1_description.ros.conversions import robot_state_from_message
+from g1_description.web.live_simulator import LiveSimulator
 
 from page_client import PageClient
 
@@ -291,6 +296,21 @@ def test_the_simulator_pauses_steps_and_goes_on(address):
         assert world().sim_time == pytest.approx(done, abs=1e-6)
         client.press("Go on")
         wait_for(lambda: world().sim_time > before + 0.5, "time that runs")
+
+
+def test_a_simulator_without_steps_is_not_the_stand_in():
+    is_running = GetPhysicsPropertiesResponse(success=True)
+    other = rospy.Service(
+        "/other/get_physics_properties", GetPhysicsProperties, lambda _: is_running
+    )
+    simulators = LiveSimulator("other"), LiveSimulator("gazebo")
+    for simulator in simulators:
+        simulator.watch(True)
+        wait_for(lambda one=simulator: "answer" not in one.status(), "an answer")
+    assert [simulator.is_stand_in for simulator in simulators] == [False, True]
+    for simulator in simulators:
+        simulator.watch(False)
+    other.shutdown()
 
 
 def test_a_motion_is_dropped_played_scrubbed_and_judged(page, robot, tmp_path):

@@ -58,7 +58,7 @@ class Shown:
 
     def __init__(self, *links, name="robot", topic="/joint_commands"):
         self.name, self.joint_topic = name, topic
-        self.anchor = ""
+        self.anchor, self.has_anchors = "", True
         self.description = robot(*(links or ("a", "b", "c")))
         self.commands = []
         self.where = state({"to_b": 0.0, "to_c": 0.0})
@@ -337,6 +337,11 @@ def test_the_anchor_is_set_and_shown_unless_it_is_being_chosen(server, ui, clock
     clock.now += 0.71
     panel.follow(there)
     assert panel._anchor.value == "b", "it was refused"
+    for has_anchors in (False, True):
+        shown.has_anchors = has_anchors
+        clock.now += 1.0
+        panel.follow(there)
+        assert panel._anchor.visible == has_anchors
     panel._anchor.value = "none"
     panel._set_anchor()
     assert chosen == ["lowest_foot", ""]
@@ -458,7 +463,7 @@ def test_a_pose_is_saved_under_a_new_name_or_where_it_is_wanted(poses):
 class Stepped:
     """A simulator that stands still, whose steps last until they may end."""
 
-    is_paused = True
+    is_paused = is_stand_in = True
 
     def __init__(self):
         self.calls, self.gate = [], threading.Event()
@@ -538,8 +543,26 @@ def test_the_gantry_hangs_the_robot_and_is_off_after_a_refusal(stepped, client, 
     wait_for(lambda: ui.do_all() or not panel._hangs.value, "the refusal")
 
 
+def test_what_the_real_gazebo_does_not_have_is_hidden(stepped, client):
+    simulator, panel = stepped
+    for is_own in (False, True):
+        simulator.is_stand_in = is_own
+        panel._looked = 0.0
+        panel.follow()
+        for label in ("Steps", "Step", "Speed", "Gantry", "Rope"):
+            client.wait_for(
+                lambda label=label, is_own=is_own: (
+                    client.element(label)["visible"] is is_own
+                ),
+                label,
+            )
+        assert client.element("Reset")["visible"]
+
+
 def test_a_step_that_fails_is_the_last_one(server):
-    simulator = SimpleNamespace(is_paused=True, step=[].index, status=str)
+    simulator = SimpleNamespace(
+        is_paused=True, is_stand_in=True, step=[].index, status=str
+    )
     waiting = []
     ui = SimpleNamespace(on=lambda *_: None, wait_for=waiting.append)
     panel = SimulatorPanel(server.gui, ui, simulator, "g1", read_only=False)

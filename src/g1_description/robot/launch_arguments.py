@@ -29,6 +29,15 @@ FEET = ("left_foot", "right_foot")
 CHOICES = {"sim": ("standin", "gazebo"), "physics": PHYSICS, "engine": ENGINES}
 """Allowed values by argument."""
 
+STAND_IN_ONLY = {
+    "physics": PHYSICS[0],
+    "engine": ENGINES[0],
+    "motors": "",
+    "fixed_base": "false",
+}
+"""Defaults of the arguments that nothing but the stand-in has. ``anchor`` is another
+one, which a package in Gazebo's place may have, too."""
+
 BOOLEANS = {
     **dict.fromkeys(
         ("fixed_base", "paused", "use_sim_time", "respawn_gazebo"), ("true", "false")
@@ -80,6 +89,12 @@ def check_arguments(given: Mapping[str, str]) -> None:
         file = given.get(name)
         if file and not (name == "motors" and is_name(file)):
             _check_file(name, Path(file))
+    for name, default in STAND_IN_ONLY.items() if given.get("sim") == "gazebo" else ():
+        if given.get(name, default).lower() != default:
+            raise InvalidValueError(
+                f"{name}:={given[name]} has no effect with sim:=gazebo; leave it out, "
+                "or use sim:=standin."
+            )
     _check_profile(given.get("robot", ""))
     _check_port(given.get("port", "0"))
     _check_base(given.get("base", ""))

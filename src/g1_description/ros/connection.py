@@ -43,16 +43,16 @@ class Connection:
         Raises:
             NoAnswerError: If there is no master, or no such service in time.
         """
-        name = f"{self._gazebo}/{service}"
-        if wait_until(lambda: self._is_there(name), self._timeout, None, MASTER_PERIOD):
+        if wait_until(lambda: self.has(service), self._timeout, None, MASTER_PERIOD):
             return
-        if self._is_there(f"{self._gazebo}/pause_physics"):
+        if self.has("pause_physics"):
             why = f"{self._gazebo} is not the simulator of this package"
         else:
             why = f"{self._gazebo} is not running; is the simulator launched?"
+        name = f"{self._gazebo}/{service}"
         raise NoAnswerError(f"No service {name} within {self._timeout:g} s: {why}")
 
-    def _is_there(self, service: str) -> bool:
+    def has(self, service: str) -> bool:
         """Return whether the master knows a service.
 
         Raises:
@@ -62,7 +62,8 @@ class Connection:
         try:
             with _default_timeout(self._timeout):
                 _check_address(uri)
-                rosgraph.Master("/g1_description_client").lookupService(service)
+                master = rosgraph.Master("/g1_description_client")
+                master.lookupService(f"{self._gazebo}/{service}")
         except rosgraph.MasterError:
             return False
         except (*SLAVE_API_ERRORS, rosgraph.MasterException, ValueError) as error:

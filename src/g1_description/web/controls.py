@@ -291,7 +291,9 @@ class BasePanel:
         self._robot.set_anchor("" if chosen == NONE else chosen)
 
     def _show_anchor(self) -> None:
-        """Show the anchor, unless it is edited."""
+        """Show the anchor where there can be one, unless it is edited."""
+        if self._anchor.visible != self._robot.has_anchors:
+            self._anchor.visible = self._robot.has_anchors
         anchor = self._robot.anchor or NONE
         if self._anchor.value != anchor and not self._guard.is_held(self._anchor):
             self._anchor.value = anchor

@@ -81,6 +81,8 @@ class StillRobot:
             self._positions = {**self._positions, **positions}
             self._hold()
 
+    has_anchors = True
+
     @property
     def anchor(self) -> str:
         """The link that stays at its place while joints move; empty: none."""

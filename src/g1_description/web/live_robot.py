@@ -36,6 +36,7 @@ from g1_description.ros.motion_messages import configuration_message
 from g1_description.ros.playing import MotionClient, set_anchor
 from g1_description.ros.robot_states import RobotStates
 from g1_description.srv import GetAnchor, PlayMotion, SetAnchor
+from g1_description.web.live_simulator import LiveSimulator
 
 PERIOD = 0.01
 """Polling period of messages, in [s], which adds to the latency."""
@@ -53,7 +54,7 @@ class LiveRobot:
         description: Description,
         map_frame: str,
         changed: threading.Event,
-        gazebo: str = "",
+        simulator: LiveSimulator | None,
     ) -> None:
         self.name, self.description = parameters.name, description
         self.joint_topic = rospy.resolve_name(topic_of(parameters, "joint_commands"))
@@ -90,10 +91,7 @@ class LiveRobot:
         self._set_anchor = rospy.ServiceProxy(
             topic_of(parameters, "set_anchor"), SetAnchor
         )
-        self._get_anchor = rospy.ServiceProxy(
-            f"/{gazebo.strip('/')}/get_anchor", GetAnchor
-        )
-        self._has_simulator = bool(gazebo)
+        self._simulator = simulator
         self.history: HistoryClient | None = HistoryClient(
             topic_of(parameters, "get_history")
         )
@@ -110,9 +108,12 @@ class LiveRobot:
         )
         with self._lock:
             self._states = states
-        if self._has_simulator:
+        if self._simulator is not None:
+            get_anchor = rospy.ServiceProxy(
+                f"{self._simulator.name}/get_anchor", GetAnchor
+            )
             with suppress(*SERVICE_ERRORS):  # the real Gazebo has no anchors
-                self.anchor = self._get_anchor(self.name).link_name
+                self.anchor = get_anchor(self.name).link_name
 
     def ignore(self) -> None:
         """Unsubscribe; the last state is kept."""
@@ -120,6 +121,11 @@ class LiveRobot:
             states, self._states = self._states, None
         if states is not None:
             states.close()
+
+    @property
+    def has_anchors(self) -> bool:
+        """Whether an anchor can be set."""
+        return self._simulator is not None and self._simulator.is_stand_in
 
     @property
     def now_ns(self) -> int:

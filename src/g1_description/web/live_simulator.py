@@ -23,11 +23,12 @@ from gazebo_msgs.srv import (
 )
 from std_srvs.srv import Empty
 
+from g1_description.errors import G1DescriptionError
 from g1_description.robot.launch_arguments import ENGINES
 from g1_description.robot.state import RobotState
 from g1_description.ros.connection import Connection
 from g1_description.ros.conversions import pose_from_array
-from g1_description.ros.master import SLAVE_API_ERRORS
+from g1_description.ros.master import SERVICE_ERRORS
 from g1_description.srv import SetGantry, SetRealTimeFactor, Step
 
 PERIOD = 1.0
@@ -45,7 +46,7 @@ class LiveSimulator:
     """A simulator with Gazebo's services."""
 
     def __init__(self, gazebo: str) -> None:
-        self._name = "/" + gazebo.strip("/")
+        self.name = "/" + gazebo.strip("/")
         self._connection = Connection(gazebo, TIMEOUT)
         self._lock = threading.Lock()
         self._watched = threading.Event()
@@ -53,6 +54,8 @@ class LiveSimulator:
         self._answered = 0.0
         """When it last answered, on the monotonic clock, in [s]."""
         self._physics = ""
+        self.is_stand_in = True
+        """False once another simulator has answered: the real Gazebo."""
         self._clock: tuple[float, float] | None = None
         self._factor: float | None = None
         threading.Thread(target=self._ask_forever, daemon=True).start()
@@ -68,23 +71,24 @@ class LiveSimulator:
         """Poll the simulator."""
         # A separate connection: an answer may take long.
         properties = rospy.ServiceProxy(
-            f"{self._name}/get_physics_properties", GetPhysicsProperties
+            f"{self.name}/get_physics_properties", GetPhysicsProperties
         )
         while not rospy.core.is_shutdown_requested():
             self._watched.wait()
             try:
                 self._paused = bool(properties().pause)
                 self._physics = self._read_physics()
+                self.is_stand_in = self._connection.has("step")
                 self._answered = time.monotonic()
-            except (rospy.ROSException, rospy.ServiceException, *SLAVE_API_ERRORS):
+            except (G1DescriptionError, *SERVICE_ERRORS):
                 self._paused = None
             self._measure()
             time.sleep(PERIOD)
 
     def _read_physics(self) -> str:
         """Read the kind of physics, and the engine if it is not the usual one."""
-        physics = str(rospy.get_param(f"{self._name}/physics", ""))
-        engine = rospy.get_param(f"{self._name}/engine", ENGINES[0])
+        physics = str(rospy.get_param(f"{self.name}/physics", ""))
+        engine = rospy.get_param(f"{self.name}/engine", ENGINES[0])
         if physics == "kinematic" or engine == ENGINES[0]:
             return physics
         return f"{physics}, {engine}"
@@ -100,7 +104,7 @@ class LiveSimulator:
     def status(self) -> str:
         """Format physics, time and speed in a line."""
         if self._paused is None or time.monotonic() > self._answered + SILENCE:
-            return f"*{self._name} does not answer.*"
+            return f"*{self.name} does not answer.*"
         parts = [self._physics and f"**{self._physics}**", f"{rospy.get_time():.1f} s"]
         if self._paused:
             parts.append("paused")

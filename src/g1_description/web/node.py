@@ -123,11 +123,11 @@ def make_show(parameters: WebParameters) -> Show:
         ROSInterruptException: If the node is shut down.
     """
     changed = threading.Event()
+    simulator = LiveSimulator(parameters.gazebo) if parameters.gazebo else None
     robots = [
-        LiveRobot(robot, description, parameters.map_frame, changed, parameters.gazebo)
+        LiveRobot(robot, description, parameters.map_frame, changed, simulator)
         for robot, description in wait_for_descriptions(parameters.each_robot)
     ]
-    simulator = LiveSimulator(parameters.gazebo) if parameters.gazebo else None
     world = LiveWorld(robots, simulator, changed, parameters.ghost, parameters.controls)
     thresholds = parameters.read_thresholds()
     file = Path(parameters.collisions) if parameters.collisions else None

@@ -30,6 +30,10 @@ class ShownRobot(Protocol):
     history: HistoryClient | None
     """Its past, which blocks; None: there is none."""
 
+    @property
+    def has_anchors(self) -> bool:
+        """Whether an anchor can be set."""
+
     def state(self) -> RobotState | None:
         """Return its newest state; None if there is none yet."""
 
@@ -101,6 +105,13 @@ class Simulator(Protocol):
     @property
     def is_kinematic(self) -> bool:
         """Whether configurations are set without physics; does not block."""
+
+    @property
+    def is_stand_in(self) -> bool:
+        """Whether it is the simulator of this package; does not block.
+
+        The real Gazebo has no steps, speeds, ropes and anchors.
+        """
 
     def pause(self) -> None:
         """Pause simulated time."""

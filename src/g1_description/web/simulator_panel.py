@@ -10,7 +10,7 @@ from g1_description.web.robot import Simulator
 from g1_description.web.ui_loop import UiLoop
 
 if TYPE_CHECKING:
-    from viser import GuiApi
+    from viser import GuiApi, GuiInputHandle
 
 
 PERIOD = 0.5
@@ -54,6 +54,8 @@ class SimulatorPanel:
         """Steps still to be done; only the thread that waits sets it."""
         self._status = gui.add_markdown("")
         self._pause = None
+        self._own: tuple[GuiInputHandle, ...] = ()
+        """What the stand-in has only."""
         if read_only:
             return
         with gui.add_folder("Simulator", expand_by_default=False):
@@ -72,6 +74,7 @@ class SimulatorPanel:
             self._rope = gui.add_slider(
                 "Rope", 0.5, 3.0, 0.05, ROPE, hint="its length in m, from 3 m above"
             )
+        self._own = self._steps, step, self._speed, self._hangs, self._rope
         self._ui = ui
         ui.on(self._pause, self._toggle)
         ui.on(step, lambda: ui.wait_for(self._step))
@@ -132,6 +135,9 @@ class SimulatorPanel:
         status = self._simulator.status()
         if self._status.content != status:
             self._status.content = status
+        for element in self._own:
+            if element.visible != self._simulator.is_stand_in:
+                element.visible = self._simulator.is_stand_in
         if self._pause is not None:
             stands = self._simulator.is_paused and not self._left
             label = "Go on" if stands else "Pause"
