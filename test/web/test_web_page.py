@@ -591,7 +591,7 @@ def test_a_state_has_the_findings_that_the_node_checker_reports():
 
             def is_listed(lines=lines):
                 texts = [str(e.get("_markdown")) for e in [*one.elements.values()]]
-                now = [text for text in texts if text.startswith("**Now")]
+                now = [text for text in texts if text.startswith("**Configuration now")]
                 return now and all(line in now[0] for line in lines)
 
             one.wait_for(is_listed, f"the findings at {at} s")

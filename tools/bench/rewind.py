@@ -24,7 +24,7 @@ SWUNG = "left_shoulder_pitch_joint", "left_elbow_joint"
 FAULTY = {"right_shoulder_roll_joint": 0.4, "right_shoulder_yaw_joint": 0.8}
 """Where the right arm is in the torso, in [rad]."""
 RATE, FAULT = 50, 0.2  # [Hz], [s]
-PAST = re.compile(r"Past: .* s ago \(([\d.]+) s\)")
+PAST = re.compile(r"Past: ([\d.]+) s")
 
 
 def rewind(bench):
@@ -83,7 +83,7 @@ def search(bench, graph, browser, address, seconds, at):
     page.get_by_role("tab", name="History").click()
     page.get_by_label("Last seconds", exact=True).first.click()
     page.get_by_role("option", name="600" if seconds > 60 else "60", exact=True).click()
-    page.get_by_role("button", name="Check this stretch").click()
+    page.get_by_role("button", name="Check this range").click()
     label = re.compile(r"self collision .*right_")
     button = page.get_by_role("button", name=label).first
     button.wait_for()
@@ -96,7 +96,7 @@ def search(bench, graph, browser, address, seconds, at):
         raise MeasurementError(f"{shown} s is shown, the fault was at {at} s")
     page.get_by_label("Last seconds", exact=True).first.click()
     page.get_by_role("option", name="5", exact=True).click()
-    page.get_by_role("button", name="Save this stretch").click()
+    page.get_by_role("button", name="Save this range").click()
     folder = Path(graph.folder, "g1_description", "motions")
     saved = wait_for(lambda: [*folder.glob("*.csv")], "the saved motion")[0]
     step("4. save five seconds")

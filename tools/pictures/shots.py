@@ -108,7 +108,7 @@ def _history(page: Page) -> None:
     subprocess.run(play, cwd=motions, check=True, stderr=subprocess.DEVNULL)
     page.open_tab("History")
     page.choose("Last seconds", "30")
-    page.press("Check this stretch")
+    page.press("Check this range")
     _wait_for_findings(page, 1)
     page.raw.get_by_role("button", name="self collision").first.click()
     page.wait_for(lambda: "Past:" in page.text(), "the past")

@@ -126,7 +126,12 @@ class HistoryPanel:
             hint="what the time line shows, and what is checked, saved and plotted",
         )
         self._back = gui.add_slider(
-            "Back", -30.0, 0.0, STEP, 0.0, hint="in s; at the right end: live"
+            "Back",
+            -30.0,
+            0.0,
+            STEP,
+            0.0,
+            hint="in s before the right end, which is live",
         )
         self._steps = gui.add_button_group("State", ["-1 s", "-1", "+1", "+1 s"])
         live = gui.add_button("Live", hint="show the robot as it is now")
@@ -135,11 +140,11 @@ class HistoryPanel:
             hint="put the robot to the shown state, at rest; physics does not go on "
             "from there to the last bit",
         )
-        check = gui.add_button("Check this stretch", hint="the time line")
+        check = gui.add_button("Check this range", hint="the time line")
         self._name = gui.add_text(
             "File name", "history", hint="a motion; a bag if it ends in .bag"
         )
-        save = gui.add_button("Save this stretch", hint=f"into {folder()}")
+        save = gui.add_button("Save this range", hint=f"into {folder()}")
         self._problem = gui.add_markdown("", visible=False)
         self.found = gui.add_markdown("")
         """What is found at the shown time."""
@@ -181,11 +186,10 @@ class HistoryPanel:
         self._looked = now
         text, line = "**Live**", self.shown
         if line is not None and line.state is not None:
-            newest, at = line.robot.state(), line.state.stamp
-            when = f"run {line.run}, {line.state.time:.3f} s"
-            if newest is not None and line.is_newest and newest.stamp >= line.left_at:
-                ago = 1e-9 * (newest.stamp - at)
-                when = f"{ago:.2f} s ago ({line.state.time:.3f} s)"
+            newest, when = line.robot.state(), f"{line.state.time:.3f} s"
+            is_later = newest is not None and newest.stamp >= line.left_at
+            if not (line.is_newest and is_later):
+                when = f"run {line.run}, {when}"
             whose = f" of {plain(line.robot.name)}" if len(self._robots) > 1 else ""
             text = f"**Past{whose}:** {when}, *key L: live*"
         if self._told.content != text:  # which is always one line: nothing moves

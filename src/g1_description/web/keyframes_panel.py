@@ -110,7 +110,7 @@ class KeyframesPanel:
                 "Times", 0.0, 1.0, PERIOD, (0.0, 1.0), visible=False
             )
             self._way = gui.add_dropdown(
-                "Way", [STOP, PASS], hint="from rest to rest, or smoothly on"
+                "Interpolation", [STOP, PASS], hint="from rest to rest, or smoothly on"
             )
             self._name = gui.add_text("Save as", "keyframes", hint="of what is saved")
             self._save = gui.add_button_group(

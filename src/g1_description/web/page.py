@@ -385,8 +385,9 @@ class Page:
             found = [f"- {plain(f.text)}" for f in verdict.findings[:MAX_LINES]]
             more = len(verdict.findings) - MAX_LINES
             found += [f"- and {more} more"] if more > 0 else []
-            when = "Then" if self._past(robot) else "Now"
-            lines += [f"**{when}{whose}:**" + ("" if found else " nothing found.")]
+            when = "at this time" if self._past(robot) else "now"
+            title = f"**Configuration{whose} {when}:**"
+            lines += [title + ("" if found else " nothing found.")]
             lines += ["", *found, ""] if found else [""]
         text = "\n".join(lines)
         told = [self._now]
