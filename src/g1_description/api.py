@@ -312,7 +312,8 @@ class Robot:
 
         Returns:
             The configuration. If not all can be reached it is the nearest one found,
-            ``reached`` is False and ``message`` tells the distances.
+            ``reached`` is False and ``message`` tells the distances, and whether the
+            search ended early because the solver found no further step.
 
         Raises:
             G1DescriptionError: If an argument is invalid.

@@ -469,6 +469,30 @@ def test_an_unknown_option_of_a_path_is_refused():
         Robot(SLIDER).ik_path([0.0], {"cart": np.zeros((1, 3))}, balanc=True)
 
 
+def test_a_step_without_solution_is_an_answer():
+    """Lengths in mm: numbers differ by more than the precision of the solver."""
+    origin = '<origin xyz="0 0 100"/><axis xyz="0 {0} {1}"/>'
+    limits = '<limit lower="-2" upper="2" effort="1" velocity="1"/>'
+    joints = "".join(
+        f'<link name="l{n + 1}"/><joint name="j{n}" type="revolute">'
+        f'<parent link="l{n}"/><child link="l{n + 1}"/>'
+        f"{origin.format(n % 2, 1 - n % 2)}{limits}</joint>"
+        for n in range(4)
+    )
+    robot = Robot(f'<robot name="arm"><link name="l0"/>{joints}</robot>')
+    target = [50.0, 20.0, 50.0]
+    result = robot.ik({"l4": target}, weights={"l4": np.inf})
+    assert is_within_limits(robot, result.positions)
+    assert not result.reached
+    (distance, _) = errors(robot, result, {"l4": target})[0]
+    assert result.message == (
+        f"Not reached: l4 is {distance:.2f} m from its target; the search ended early, "
+        "as the solver found no further step."
+    )
+    path = robot.ik_path([0.0, 1.0], {"l4": [target] * 2}, weights={"l4": np.inf})
+    assert "first at 0.00 s" in path.message
+
+
 def test_large_distances_are_in_metres():
     result = Robot(SLIDER).ik({"cart": [3.5, 0.0, 0.0]})
     assert result.message == "Not reached: cart is 2.50 m from its target."

@@ -471,6 +471,8 @@ class InverseKinematics:
             far.append(f"a link is {1e3 * view.depth:.0f} mm below the floor")
         if view.overlap > TOLERANCE[0]:
             far.append(f"links are {1e3 * view.overlap:.0f} mm too near to each other")
+        if far and view.is_stuck:
+            far.append("the search ended early, as the solver found no further step")
         message = f"Not reached: {'; '.join(far)}." if far else ""
         return IkResult(
             view.configuration.position,

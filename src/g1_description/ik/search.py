@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Tuple
 
 import numpy as np
@@ -107,6 +108,9 @@ def _descend(
     yield best, steps
     while best.badness > FINE and since < PATIENCE and steps < most:
         now = solver.step(view, posture, DAMPING * view.cost)
+        if now is None:
+            yield replace(best, is_stuck=True), steps
+            return
         view, steps = solver.view(now, view.tasks, view.bounds), steps + 1
         since = 0 if view.cost < PROGRESS * best.cost else since + 1
         best = min(best, view, key=_cost)
@@ -120,6 +124,9 @@ def _settle(
     damping, steps = DAMPING * view.cost, 0
     while damping < view.cost and steps < MAX_STEPS:
         now = solver.step(view, posture, damping)
+        if now is None:
+            yield replace(view, is_stuck=True), steps
+            return
         tried, steps = solver.view(now, view.tasks, view.bounds), steps + 1
         is_better = tried.cost < view.cost
         damping *= 0.3 if is_better else 5.0

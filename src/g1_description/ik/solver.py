@@ -150,6 +150,9 @@ class Linearization:
     n_low: int
     """Number of links near the floor, which come next."""
 
+    is_stuck: bool = False
+    """Whether the solver found no step from here."""
+
     @property
     def errors(self) -> np.ndarray:
         """Distances from the tasks, in [m] and [rad], shape (n_tasks, 2)."""
@@ -306,7 +309,7 @@ class IkSolver:
 
     def step(
         self, view: Linearization, posture: np.ndarray, damping: float
-    ) -> Configuration:
+    ) -> Configuration | None:
         """Make a step towards the tasks of a view.
 
         Args:
@@ -315,7 +318,8 @@ class IkSolver:
             damping: Of the step; large: a small one along the gradient of the cost.
 
         Returns:
-            The next configuration, inside the limits of joints.
+            The next configuration, inside the limits of joints; None if the solver
+            finds none, as numbers of very different sizes exceed its precision.
         """
         now, bounds, tasks = view.configuration, view.bounds, view.tasks
         weights = np.array([task.weights for task in tasks]).reshape(-1, 6)
@@ -342,8 +346,8 @@ class IkSolver:
             np.concatenate([-root, lower, least]),
             sense,
         )
-        if flag <= 0:
-            raise ArithmeticError(f"daqp ends with {flag}")
+        if flag <= 0 or not np.isfinite(step).all():
+            return None
         position = np.clip(now.position + step[6:], bounds.lower, bounds.upper)
         if not bounds.base.any():
             return Configuration(now.root, position)
