@@ -352,7 +352,7 @@ class Robot:
         """
         from g1_description.ik.inverse_kinematics import IkOptions
 
-        own, kept = np.array(times, dtype=float), IkOptions.of("ik_path", options)
+        own, kept = _numbers(times, "time"), IkOptions.of("ik_path", options)
         begin, pose = self._start(start, base)
         return self._inverse_kinematics(kept.collisions).path(
             own, targets, begin, pose, kept

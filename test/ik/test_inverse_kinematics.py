@@ -413,6 +413,20 @@ def test_a_path_that_is_too_fast_lags_and_catches_up():
             "weight of head must be a number greater than 0",
         ),
         ({"start": np.zeros((2, 29))}, "start must be a single configuration"),
+        ({"balance": 0.04}, r"balance must be True or False \(got 0.04\)"),
+        ({"balance": 1}, r"balance must be True or False \(got 1\)"),
+        ({"balance": None}, r"balance must be True or False \(got None\)"),
+        ({"collisions": "no"}, r"collisions must be True or False \(got no\)"),
+        ({"floor": True}, r"floor must be the height .*\(got True\)"),
+        ({"hold": True}, r"hold must be names or roles of links \(got True\)"),
+        ({"hold": [1]}, r"hold must be names or roles of links \(got \[1\]\)"),
+        ({"base_motion": False}, "must be one of free, planar, fixed .*False"),
+        ({"base_motion": ["free"]}, "must be one of free, planar, fixed .*free"),
+        ({"floor": 700.0}, "floor is 699 m above the robot: it is in m, at most 100 m"),
+        (
+            {"targets": {"head": [0, 0, 1]}, "points": {"head": [150, 0, 0]}},
+            "point of head is 150 m from its origin: points are in m, at most 100 m",
+        ),
     ],
 )
 def test_a_wrong_request_is_refused_in_a_sentence(g1, given, problem):
@@ -457,6 +471,33 @@ def test_a_path_at_the_limits_of_speed_passes_the_check(g1):
     assert not path.reached
     assert path.message.startswith("Not all is reached in ")
     assert g1.check(path.motion, only=("velocity",)).findings == ()
+
+
+@pytest.mark.parametrize(
+    ("given", "problem"),
+    [
+        ({"cart": [3000.0, 0.0, 0.0]}, "target of cart at 0.500 s is 3e.03 m from"),
+        ({"cart": [0.0, np.inf, 0.0]}, "target of cart at 0.500 s must be a position"),
+        ({"cart": 4.0}, "There are 2 times but 1 targets of cart"),
+        ({"balance": 0.04}, "balance must be True or False"),
+        ({"times": [[0.0, 0.5]]}, "times of a path must be a row of numbers"),
+        ({"times": [0.0, np.inf]}, "times of a path must be a row of numbers"),
+        ({"times": "now"}, "time must be an array of numbers"),
+    ],
+)
+def test_a_wrong_sample_of_a_path_is_refused_in_a_sentence(given, problem):
+    request = {"times": [0.0, 0.5], **given}
+    target = request.pop("cart", np.zeros(3))
+    rows = target if np.ndim(target) == 0 else [np.zeros(3), target]
+    with pytest.raises(InvalidValueError, match=problem):
+        Robot(SLIDER).ik_path(targets={"cart": rows}, **request)
+
+
+def test_a_boolean_of_numpy_is_a_boolean(g1):
+    target, start = {"left_hand": [0.35, 0.25, 0.5]}, g1.pose("stand")
+    result = g1.ik(target, start, BASE, balance=np.True_)
+    expected = g1.ik(target, start, BASE, balance=True)
+    np.testing.assert_array_equal(result.positions, expected.positions)
 
 
 def test_times_of_a_path_must_increase():

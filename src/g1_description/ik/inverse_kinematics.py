@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import islice
 from typing import Any, NamedTuple
@@ -53,7 +53,8 @@ BASES = {
 """How the base may move: along and about the world's axes."""
 
 FARTHEST = 100.0
-"""Largest distance of a target from the root link, in [m]."""
+"""Largest distance of a target from the root link at the start, of a point from the
+origin of its link, and of the floor above the root link, in [m]."""
 
 SPEED_SHARE = 0.999
 """Share of the velocity limits that paths use: others round to the limit itself."""
@@ -102,12 +103,26 @@ class IkOptions:
     """Points of links that are brought to their targets, x y z in the frame of the
     link; by default its origin."""
 
+    def __post_init__(self) -> None:
+        """Refuse what is no boolean: any number would count as True.
+
+        Raises:
+            InvalidValueError: If balance or collisions is something else.
+        """
+        for name in ("balance", "collisions"):
+            given = getattr(self, name)
+            if not isinstance(given, (bool, np.bool_)):
+                raise InvalidValueError(
+                    f"{name} must be True or False (got {str(given)[:80]})."
+                )
+
     @classmethod
     def of(cls, function: str, given: Mapping[str, Any]) -> IkOptions:
         """Take the keyword arguments of a function.
 
         Raises:
             TypeError: If one is unknown, as Python would.
+            InvalidValueError: If one is no boolean but has to be.
         """
         names = [option.name for option in fields(cls)]
         for name in given:
@@ -254,8 +269,10 @@ class InverseKinematics:
         Yields:
             The best configuration after each piece; at last that of ``solve``.
         """
-        problem = self._problem(targets, positions, base, options)
-        first = problem.start if begin is None else self._configuration(*begin)
+        start = self._configuration(positions, base)
+        moved = self._tasks(targets, options, start)
+        problem = self._problem(moved, start, options)
+        first = start if begin is None else self._configuration(*begin)
         tasks, bounds, posture = problem.tasks, problem.bounds, problem.start.position
         steps = search(self._solver, first, tasks, bounds, posture, starts)
         while piece := deque(islice(steps, most), maxlen=1):
@@ -282,7 +299,15 @@ class InverseKinematics:
             G1DescriptionError: As for ``solve``, and if lengths do not match.
         """
         _check_mapping("targets", targets)
-        for name, of in targets.items():
+        if times.ndim != 1 or not np.isfinite(times).all():
+            raise InvalidValueError(
+                f"The times of a path must be a row of numbers (got {str(times)[:80]})."
+            )
+        rows = {
+            name: of if isinstance(of, Sequence) else np.atleast_1d(of)
+            for name, of in targets.items()
+        }
+        for name, of in rows.items():
             if len(of) != len(times):
                 raise InvalidValueError(
                     f"There are {len(times)} times but {len(of)} targets of {name}."
@@ -291,17 +316,23 @@ class InverseKinematics:
             raise InvalidValueError("A path needs at least one sample (got none).")
         if not (np.diff(times) > 0.0).all():
             raise InvalidValueError("The times of a path must increase.")
-        rows = [
-            {name: of[n] for name, of in targets.items()} for n in range(len(times))
+        start = self._configuration(positions, base)
+        samples = [
+            self._tasks(
+                {name: of[row] for name, of in rows.items()},
+                options,
+                start,
+                f" at {time:.3f} s",
+            )
+            for row, time in enumerate(times)
         ]
-        first = self._problem(rows[0], positions, base, options)
+        first = self._problem(samples[0], start, options)
         posture = first.start.position
         view, steps = last(
             search(self._solver, first.start, first.tasks, first.bounds, posture)
         )
         results = [self._result(first, view, steps)]
-        for row, duration in zip(rows[1:], np.diff(times)):
-            moved = self._tasks(row, options)
+        for moved, duration in zip(samples[1:], np.diff(times)):
             tasks = tuple(
                 moved.get(name, task) for name, task in zip(first.names, first.tasks)
             )
@@ -325,32 +356,20 @@ class InverseKinematics:
         return IkPath(motion, tuple(results))
 
     def _problem(
-        self,
-        targets: Mapping[str, Any],
-        positions: np.ndarray,
-        base: np.ndarray,
-        options: IkOptions,
+        self, moved: Mapping[str, LinkTask], start: Configuration, options: IkOptions
     ) -> _Problem:
-        """Find the tasks and bounds of targets."""
-        start = self._configuration(positions, base)
+        """Find all tasks, of targets and of links that are held, and the bounds."""
         poses = self._solver.kinematics.link_poses(*start)
-        _check_mapping("targets", targets)
-        moved = self._tasks(targets, options)
-        for name, task in moved.items():
-            far = np.linalg.norm(task.pose[:3] - start.root[:3])
-            if far > FARTHEST:
-                raise InvalidValueError(
-                    f"The target of {name} is {far:.3g} m from the robot: targets are "
-                    f"in m, at most {FARTHEST:g} m away."
-                )
         held = self._held(options.hold, moved)
         stands = held or any(task.link in self._feet for task in moved.values())
         stays = {
             name: LinkTask(row, poses[row], HARD * _weights(True))
             for name, row in held.items()
         }
-        base_motion = options.base_motion or ("free" if stands else "fixed")
-        if base_motion not in BASES:
+        base_motion = options.base_motion
+        if base_motion is None:
+            base_motion = "free" if stands else "fixed"
+        if base_motion not in [*BASES]:
             raise UnknownNameError(
                 f"base_motion must be one of {listed(BASES)} (got '{base_motion}')."
             )
@@ -362,7 +381,7 @@ class InverseKinematics:
             BASES[base_motion],
             self._support(stays, moved) if options.balance else None,
             BALANCE_MARGIN,
-            _height(options.floor),
+            _height(options.floor, start),
             [n for n in range(len(self.links)) if n not in held.values()],
             DISTANCE if options.collisions else None,
         )
@@ -386,8 +405,8 @@ class InverseKinematics:
         self, hold: Collection[str] | None, moved: Mapping[str, LinkTask]
     ) -> dict[str, int]:
         """Find the links that stay; those with a target do not."""
-        hold = (hold,) if isinstance(hold, str) else hold
-        names = [r for r in FEET if r in self._roles] if hold is None else hold
+        feet = [role for role in FEET if role in self._roles]
+        names = feet if hold is None else _names(hold)
         targets = {task.link for task in moved.values()}
         rows = {name: self._row(name) for name in names}
         both = [name for name, row in rows.items() if row in targets]
@@ -396,9 +415,14 @@ class InverseKinematics:
         return {name: row for name, row in rows.items() if row not in targets}
 
     def _tasks(
-        self, targets: Mapping[str, Any], options: IkOptions
+        self,
+        targets: Mapping[str, Any],
+        options: IkOptions,
+        start: Configuration,
+        when: str = "",
     ) -> dict[str, LinkTask]:
-        """Read targets."""
+        """Read targets; messages say when they are."""
+        _check_mapping("targets", targets)
         weights, points = options.weights or {}, options.points or {}
         for what, given in (("weight", weights), ("point", points)):
             _check_mapping(f"{what}s", given)
@@ -410,7 +434,13 @@ class InverseKinematics:
         tasks: dict[str, LinkTask] = {}
         names: dict[int, str] = {}
         for name, given in targets.items():
-            pose, is_oriented = _pose(name, given)
+            pose, is_oriented = _pose(f"{name}{when}", given)
+            far = float(np.linalg.norm(pose[:3] - start.root[:3]))
+            if far > FARTHEST:
+                raise InvalidValueError(
+                    f"The target of {name}{when} is {far:.3g} m from the robot: "
+                    f"targets are in m, at most {FARTHEST:g} m away."
+                )
             row = self._row(name)
             other = names.setdefault(row, name)
             if other != name:
@@ -497,17 +527,34 @@ def _check_mapping(what: str, given: object) -> None:
         )
 
 
+def _names(given: Any) -> list[str]:
+    """Read names of links."""
+    is_list = isinstance(given, Iterable) and not isinstance(given, str)
+    names = [*given] if is_list else [given]
+    if not all(isinstance(name, str) for name in names):
+        raise InvalidValueError(
+            f"hold must be names or roles of links (got {str(given)[:80]})."
+        )
+    return names
+
+
 def _is_number(given: object) -> bool:
     return isinstance(given, (int, float, np.number)) and not isinstance(given, bool)
 
 
-def _height(given: Any) -> float | None:
+def _height(given: Any, start: Configuration) -> float | None:
     """Read the height of the floor."""
     if given is None:
         return None
     if not _is_number(given) or not np.isfinite(given):
         raise InvalidValueError(
             f"floor must be the height of the floor in m, or None (got {given})."
+        )
+    above = float(given) - float(start.root[2])
+    if above > FARTHEST:
+        raise InvalidValueError(
+            f"floor is {above:.3g} m above the robot: it is in m, at most "
+            f"{FARTHEST:g} m above."
         )
     return float(given)
 
@@ -528,6 +575,12 @@ def _point(name: str, given: Any) -> np.ndarray:
     if numbers.shape != (3,) or not np.isfinite(numbers).all():
         raise InvalidValueError(
             f"The point of {name} must be x y z in its frame (got {str(given)[:80]})."
+        )
+    far = float(np.abs(numbers).max())
+    if far > FARTHEST:
+        raise InvalidValueError(
+            f"The point of {name} is {far:.3g} m from its origin: points are in m, at "
+            f"most {FARTHEST:g} m away."
         )
     return numbers
 
