@@ -786,7 +786,6 @@ class Robot:
                 motors=motors_of(self.description),
                 engine=engine,
                 fixed_base=fixed_base,
-                stops_at_fall=True,
             )
         if visual_hulls:
             shapes = self._usual_checker.collisions

@@ -1,5 +1,6 @@
 """What physics says becomes findings, with the figures of the rollout."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,8 @@ from checked import ARM, POST, post_motion
 from g1_description.checks.checker import Checker
 from g1_description.checks.report import FileResult, outcome_text
 from g1_description.checks.thresholds import Level, Thresholds
+from g1_description.checks.thresholds_file import read_thresholds
+from g1_description.robot.launch_arguments import ENGINES
 from g1_description.robot.urdf import parse_urdf
 from g1_description.sim.rollout import Conditions, rollout
 
@@ -17,10 +20,12 @@ NAMES = ("tracking", "saturation", "fall")
 LEVELS = {"tracking": Level(0.05), "saturation": Level(0.1), "fall": Level(0.0)}
 
 
-def judged(motion, levels=(), only=NAMES, fixed_base=False):
-    conditions = Conditions(fixed_base=fixed_base, stops_at_fall=True)
+def judged(
+    motion, levels=(), only=NAMES, fixed_base=False, robot=ROBOT, engine="bullet"
+):
+    conditions = Conditions(fixed_base=fixed_base, engine=engine)
     thresholds = Thresholds({**LEVELS, **dict(levels)})
-    checker = Checker(ROBOT, thresholds, fixed_base, physics=conditions)
+    checker = Checker(robot, thresholds, fixed_base, physics=conditions)
     return checker.check(motion, only)
 
 
@@ -40,7 +45,7 @@ def weak():
 
 def test_a_weak_motor_is_told_with_the_figures_of_the_rollout(weak):
     motion, verdict = post_motion(0.9, 0.4), weak
-    report = rollout(ROBOT, motion, Conditions(stops_at_fall=True)).report
+    report = rollout(ROBOT, motion, Conditions()).report
     (tracking,) = verdict.of("tracking")
     (saturation,) = verdict.of("saturation")
     assert tracking.subject == saturation.subject == (ARM,)
@@ -55,7 +60,7 @@ def test_a_weak_motor_is_told_with_the_figures_of_the_rollout(weak):
 
 def test_a_verdict_without_findings_says_what_physics_found():
     motion = post_motion(0.05)
-    report = rollout(ROBOT, motion, Conditions(stops_at_fall=True)).report
+    report = rollout(ROBOT, motion, Conditions()).report
     verdict = judged(motion)
     assert verdict.findings == ()
     assert verdict.checked == ("tracking", "saturation", "fall")
@@ -73,9 +78,60 @@ def test_a_fall_is_told_and_ends_the_figures():
     (fall,) = verdict.of("fall")
     assert fall.first_time == verdict.figures["fall_time"]
     assert 0.5 < fall.first_time < 1.0  # it leans by 45 degrees after 0.65 s
-    begin = f"In simulation the robot falls at {fall.first_time:.3f} s; tracking error"
-    assert verdict.notes[-1].startswith(begin)
+    note = verdict.notes[-1]
+    begin = (
+        f"In simulation the robot falls at {fall.first_time:.3f} s of 1.000 s, where"
+    )
+    assert note.startswith(f"{begin} the simulation ends; tracking error")
+    assert verdict.measured.played.times[-1] == fall.first_time
     assert fall.severity == "warning"
+
+
+@pytest.mark.parametrize(
+    ("axis", "reach", "side", "engine"),
+    [
+        ("0 1 0", 0.9, "forwards", "bullet"),
+        ("0 1 0", -0.9, "backwards", "mujoco"),
+        ("1 0 0", 0.9, "to the right", "mujoco"),
+        ("1 0 0", -0.9, "to the left", "bullet"),
+    ],
+)
+def test_a_fall_is_a_failure_with_its_side_and_beginning(axis, reach, side, engine):
+    """The arm moves the centre of mass by 6 mm, beyond an edge at 4 mm."""
+    narrow = POST.replace("0.4 0.4 0.1", "0.008 0.008 0.1").replace("0 1 0", axis)
+    motion = post_motion(reach, 3.0)
+    default = {"fall": read_thresholds().levels["fall"]}
+    robot = parse_urdf(narrow)
+    verdict = judged(motion, default, ("fall",), robot=robot, engine=engine)
+    assert verdict.severity == "failed"
+    (fall,) = verdict.of("fall")
+    found = re.fullmatch(
+        r"the robot falls at (.+) s: it leans (.+), by more than 5 degrees from (.+) s "
+        "on",
+        fall.text,
+    )
+    assert found[2] == side
+    assert 0.0 < float(found[1]) - float(found[3]) < 1.0
+    assert verdict.measured.played.times[-1] == fall.first_time < 3.0
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_saturated_motor_says_what_it_needs_and_has(engine):
+    """The arm is let down to 0.9 rad and lifted again, by a motor that cannot hold."""
+    motion, lever, half = post_motion(0.9, 2.0), 0.5 * 0.15, 0.5 * np.pi
+    verdict = judged(motion, engine=engine)
+    inertia = 0.01 + 0.15 * lever
+    needed = 9.81 * lever * np.sin(0.9) + inertia * 2.0 * 0.9 * half**2
+    (saturation,) = verdict.of("saturation")
+    found = re.fullmatch(
+        f"the motor of {ARM} is saturated .+ % of the simulated time: it "
+        r"needs (.+) N m and has 0\.5 N m",
+        saturation.text,
+    )
+    assert float(found[1]) == pytest.approx(needed, rel=0.03)
+    lack = f"The largest lack of effort: {ARM} needs {found[1]} N m and has 0.5 N m."
+    assert verdict.notes[-1].endswith(lack)
+    assert verdict.of("fall") == ()
 
 
 def test_thresholds_just_beyond_hide_both(weak):

@@ -124,7 +124,7 @@ def g1_steps():
     g1 = parse_urdf(with_absolute_uris(file.read_text(), file.parent))
     names = ("left_hip_pitch_joint", "left_knee_joint")
     lifted = motion([[0.0, 0.0], [-1.0, 1.5], [-1.0, 1.5]], names, 0.5)
-    return rollout(g1, lifted, Conditions(stops_at_fall=True))
+    return rollout(g1, lifted, Conditions())
 
 
 def test_the_same_motion_gives_the_same_bits_in_any_process():
@@ -243,7 +243,7 @@ def tipping_time(lean, angle):
     ("lean", "angle", "yaw"), [(0.2, 0.3, 0.0), (0.3, math.pi / 4.0, 2.0)]
 )
 def test_what_leans_too_far_falls_when_an_inverted_pendulum_does(lean, angle, yaw):
-    limits = Conditions(fall_limits=FallLimits(lean=angle), stops_at_fall=True)
+    limits = Conditions(fall_limits=FallLimits(lean=angle))
     result = rollout(STILTS, standing(lean, 2.0, yaw=yaw), limits)
     assert result.fell_at == pytest.approx(tipping_time(lean, angle), rel=0.05)
     assert result.times[-1] == result.fell_at
@@ -252,7 +252,7 @@ def test_what_leans_too_far_falls_when_an_inverted_pendulum_does(lean, angle, ya
 
 def test_what_leans_a_little_less_does_not_fall():
     """The center of mass is above the toe at 0.1506 rad."""
-    result = rollout(STILTS, standing(0.145), Conditions(stops_at_fall=True))
+    result = rollout(STILTS, standing(0.145), Conditions())
     assert result.fell_at is None
     assert result.times[-1] == pytest.approx(1.0 + WATCH, abs=0.006)
 
@@ -283,7 +283,9 @@ def test_it_begins_on_the_floor_however_high_the_motion_is():
 
 
 def test_it_begins_where_the_motion_is_if_that_is_wanted():
-    above = rollout(STILTS, standing(height=0.5), Conditions(on_floor=False))
+    never = FallLimits(lean=math.pi, drop=math.inf)
+    conditions = Conditions(on_floor=False, fall_limits=never)
+    above = rollout(STILTS, standing(height=0.5), conditions)
     assert above.lift == 0.0
     assert above.base_poses[0, 2] == pytest.approx(0.5, abs=1e-3)
     assert above.base_poses[-1, 2] < 0.1
@@ -431,7 +433,7 @@ def test_a_clip_that_begins_on_the_toes_of_a_foot_falls_after_a_second():
             pytest.skip(f"{path.name} is not beside the repository")
     g1 = parse_urdf(with_absolute_uris(model.read_text(), model.parent))
     motors = read_motors(PROFILE / "motors.yaml")
-    conditions = Conditions(motors, stops_at_fall=True)
+    conditions = Conditions(motors)
     result = rollout(g1, read_motion(file, g1, 60.0), conditions)
     assert 0.9 < result.fell_at < 1.3
     assert abs(result.lift) < 0.01

@@ -17,7 +17,11 @@ from g1_description.checks.rules import RULES
 from g1_description.checks.rules.ground import slides
 from g1_description.checks.rules.jumps import near_jumps
 from g1_description.checks.rules.limits import check_bounds, zero_limits
-from g1_description.checks.rules.physics import physics_figures, physics_summary
+from g1_description.checks.rules.physics import (
+    physics_figures,
+    physics_summary,
+    saturated_joints,
+)
 from g1_description.checks.thresholds import Thresholds
 from g1_description.checks.thresholds_file import read_thresholds
 from g1_description.checks.verdict import Verdict, sorted_findings
@@ -161,6 +165,9 @@ class Checker:
         trajectory = measured.trajectory
         try:
             measured.played = rollout(self.description, trajectory, self.physics)
+            if saturated_joints(measured):
+                freely = replace(self.physics, has_limits=False)
+                measured.unlimited = rollout(self.description, trajectory, freely)
         except G1DescriptionError as error:
             why = str(error).rstrip(".")
             rules.update({rule: why for rule in rules if rule.needs_physics})

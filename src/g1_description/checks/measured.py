@@ -147,6 +147,8 @@ class Measured:
         fixed base, the power of all joints."""
         self.played: Rollout | None = None
         """The simulated motion."""
+        self.unlimited: Rollout | None = None
+        """The same with motors without limits, if they were saturated."""
         self._once: dict[Callable[[Measured], Any], Any] = {}
 
     def once(self, function: Callable[[Measured], Value]) -> Value:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Union
 
@@ -95,6 +95,12 @@ class Motors:
             if pattern.fullmatch(joint):
                 return motor
         return ServoMotor()
+
+    def unlimited(self) -> Motors:
+        """Return the same motors without limits of effort."""
+        found = Motors()
+        found._motors = [(p, replace(m, effort=math.inf)) for p, m in self._motors]
+        return found
 
     def unused(self, joints: Iterable[str]) -> list[str]:
         """Return the patterns that match none of some joints."""

@@ -15,7 +15,7 @@ import numpy as np
 
 from g1_description.errors import InvalidValueError
 from g1_description.motion.motion import SINGLE_TIME, Motion, sample
-from g1_description.motion.motors import Motors
+from g1_description.motion.motors import Motors, motors_of
 from g1_description.motion.tracking import FallLimits, TrackingReport
 from g1_description.robot.assembly import Assembly
 from g1_description.robot.description import Description
@@ -51,8 +51,8 @@ class Conditions:
     """Whether the motion is shifted vertically by a constant, so that the robot starts
     on the floor. A motion without a base always starts there."""
 
-    stops_at_fall: bool = False
-    """Whether it ends with a fall."""
+    has_limits: bool = True
+    """Whether motors have limits of effort."""
 
     rate: float = 200.0
     """Largest number of recorded rows per second of simulated time, in [Hz]."""
@@ -105,6 +105,9 @@ class Rollout:
     efforts: np.ndarray
     """Efforts of the motors, in [N m] or [N], shape (n, n_joints)."""
 
+    mean_efforts: np.ndarray
+    """Means of these over all steps since the row before, shape (n, n_joints)."""
+
     base_poses: np.ndarray
     """T_world_base of the root link, shape (n, 7)."""
 
@@ -133,8 +136,8 @@ def rollout(
 ) -> Rollout:
     """Simulate a robot whose motors follow a motion, until a second after its end.
 
-    It starts at rest at the motion's first sample; without a base in the motion,
-    upright on the floor.
+    A fall ends it: what lies on the floor follows no motion. It starts at rest at the
+    motion's first sample; without a base in the motion, upright on the floor.
 
     Args:
         robot: The robot.
@@ -152,9 +155,12 @@ def rollout(
             f"The motion must not start before 0 s (got {motion.times[0]:.6g} s)."
         )
     under = conditions or Conditions()
+    motors = under.motors
+    if not under.has_limits:
+        robot, motors = _unlimited(robot, motors)
     assembly = _at_beginning(lump_fixed_joints(robot), motion)
     pose, lift = _place(assembly, motion, under.on_floor, under.fixed_base)
-    world = World("hold", under.properties, None, under.motors, under.engine)
+    world = World("hold", under.properties, None, motors, under.engine)
     with closing(world):
         world.motions.fall_limits = under.fall_limits
         left_out = world.spawn(robot.name, assembly, pose, under.fixed_base)
@@ -166,26 +172,28 @@ def rollout(
         n_steps, stride = _steps(end_ns - world.time_ns, under)
         rows: list[np.ndarray] = []
         tracker: MotionTracker | None = None
+        since: list[np.ndarray] = []
         for number in range(1, n_steps + 1):
             world.step()
             tracker = tracker or world.motions.tracker(model)
             assert tracker is not None, "a motion in hold is tracked"
-            is_over = under.stops_at_fall and tracker.has_fallen
+            since.append(world.engine.efforts(model))
+            is_over = tracker.has_fallen
             if is_over or number % stride == 0:
                 time = 1e-9 * (world.time_ns - start_ns)
                 joints = model.target, model.position, model.velocity
-                efforts = world.engine.efforts(model)
+                efforts, since = (since[-1], np.mean(since, axis=0)), []
                 rows.append(
-                    np.concatenate([[time], *joints, efforts, model.root_poses[0]])
+                    np.concatenate([[time], *joints, *efforts, model.root_poses[0]])
                 )
                 if on_progress:
                     on_progress(number / n_steps)
             if is_over:
                 break
         assert tracker is not None  # there is at least one step
-        widths = [1, *4 * [len(model.joint_names)], 7]
+        widths = [1, *5 * [len(model.joint_names)], 7]
         columns = np.split(np.array(rows), np.cumsum(widths)[:-1], axis=1)
-        times, desired, positions, velocities, efforts, bases = map(np.array, columns)
+        times, desired, positions, velocities, *applied, bases = map(np.array, columns)
         desired_bases = sample(played, times[:, 0]).base_poses
         if desired_bases is not None:
             desired_bases = desired_bases + lift * np.eye(7)[2]
@@ -197,12 +205,23 @@ def rollout(
             desired=desired,
             positions=positions,
             velocities=velocities,
-            efforts=efforts,
+            efforts=applied[0],
+            mean_efforts=applied[1],
             base_poses=bases,
             desired_base_poses=desired_bases,
             lift=lift,
             left_out=left_out,
         )
+
+
+def _unlimited(
+    robot: Description, motors: Motors | str | None
+) -> tuple[Description, Motors]:
+    """Remove the limits of effort from a robot and its motors."""
+    if not isinstance(motors, Motors):
+        motors = motors_of(robot, motors or "")
+    joints = tuple(replace(joint, effort=math.inf) for joint in robot.joints)
+    return replace(robot, joints=joints), motors.unlimited()
 
 
 def _steps(duration_ns: int, conditions: Conditions) -> tuple[int, int]:
