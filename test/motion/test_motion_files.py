@@ -308,14 +308,19 @@ def test_bytes_in_a_pickle_do_not_become_pointers(g1, file):
         read_motion(file(pickle.dumps({"fps": Pointers()}, 2)), g1)
 
 
-@pytest.mark.parametrize("name", ["numpy.ndarray", "numpy.dtype"])
+@pytest.mark.parametrize(
+    "name", ["numpy.ndarray", "numpy.dtype", "numpy.core.numeric._frombuffer"]
+)
 def test_a_pickle_changes_no_class_or_function(g1, file, name):
-    state = pickle.dumps((None, {"__setstate__": None, "__doc__": "x"}), 2)[2:-1]
+    changed = {"__setstate__": None, "__defaults__": (7,)}
+    state = pickle.dumps((None, changed), 2)[2:-1]
     asked = "\n".join(name.rsplit(".", 1)).encode()
     content = b"\x80\x02}(U\x03fpsc" + asked + b"\n" + state + b"bu."
-    with pytest.raises(MotionError, match="cannot be read"):
+    with pytest.raises(MotionError, match=r"cannot be read|No known format"):
         read_motion(file(content), g1)
-    assert read_motion(file(pickle.dumps(gmr(), 2)), g1).notes == ()
+    whole = read_motion(file(pickle.dumps(gmr(), 2)), g1)
+    again = read_motion(file(pickle.dumps(gmr(), 5)), g1)
+    np.testing.assert_array_equal(whole.positions, again.positions)
 
 
 def others(archive):

@@ -55,7 +55,8 @@ by about its angle."""
 
 LASTING = 2.0
 """Simulated time in [s] after which such a rotation is reported. In Gazebo, joints of a
-robot that falls after its start or a reset are up to 1.3 rad off for up to 0.5 s."""
+robot that falls after its start or a reset are up to 1.3 rad off for up to 0.5 s.
+While time is paused, nothing is reported."""
 
 _MAX_SINE = np.sin(0.5 * MAX_RESIDUAL) ** 2
 
@@ -147,7 +148,7 @@ class JointStateEstimator:
         self._interval = 0.0
         self._off_since = np.full(len(self._number), np.inf)
         """Since when each joint of all robots has been off its axis, in [s]."""
-        self._was_off = False
+        self._was_off = True  # so that what was found before is cleared, too
 
     def update(
         self, names: Sequence[str], poses: np.ndarray, twists: np.ndarray, stamp: int

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -165,12 +166,14 @@ class Checker:
         trajectory = measured.trajectory
         try:
             measured.played = rollout(self.description, trajectory, self.physics)
-            if saturated_joints(measured):
-                freely = replace(self.physics, has_limits=False)
-                measured.unlimited = rollout(self.description, trajectory, freely)
         except G1DescriptionError as error:
             why = str(error).rstrip(".")
             rules.update({rule: why for rule in rules if rule.needs_physics})
+            return
+        if saturated_joints(measured):
+            freely = replace(self.physics, has_limits=False)
+            with suppress(G1DescriptionError):  # their need stays unknown
+                measured.unlimited = rollout(self.description, trajectory, freely)
 
     def _verdict(
         self, measured: Measured, rules: Mapping[Rule, str], notes: Collection[str]

@@ -20,6 +20,9 @@ INTERRUPTED = 130
 IMPORTED = time.time_ns()
 """Wall time at which this module was imported, in [ns]."""
 
+MAX_START = 10_000_000_000
+"""Longest time that rosrun and Python need until then on a busy machine, in [ns]."""
+
 AGAIN = 0.05
 """Time in [s] after which an ignored interrupt is sent again."""
 
@@ -59,8 +62,9 @@ def time_entered() -> int:
     """Return the wall time at which the command was entered in a terminal, in [ns].
 
     A shell makes a process for each command that is entered, which rosrun and Python
-    run in one after the other. Without a terminal, such as in ``bash -c``, it may have
-    run others before: the time is that at which Python began.
+    run in one after the other. The process may have run other commands before, as those
+    of ``bash -c``: the time is at most ``MAX_START`` before Python began, and without a
+    terminal it is that.
     """
     if not os.isatty(0):
         return IMPORTED
@@ -68,7 +72,7 @@ def time_entered() -> int:
         ticks = int(file.read().rpartition(")")[2].split()[19])
     begin = ticks / os.sysconf("SC_CLK_TCK")
     elapsed = time.clock_gettime(time.CLOCK_BOOTTIME) - begin
-    return time.time_ns() - round(1e9 * elapsed)
+    return max(time.time_ns() - round(1e9 * elapsed), IMPORTED - MAX_START)
 
 
 def is_shut_down() -> bool:

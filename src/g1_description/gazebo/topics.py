@@ -36,7 +36,7 @@ then, subscribers of an earlier simulator may be at its time. roscpp takes up to
 quarter of a second to connect."""
 
 CLOCK_PERIOD = 0.01
-"""Time between two messages of /clock in that silence, in [s]."""
+"""Time between two messages of /clock in a silence, in [s]."""
 
 STALL_TIMEOUT = 0.5
 """Time without progress after which a subscriber is no longer waited for, in [s]."""
@@ -57,8 +57,8 @@ class StateTopics:
         self._seq = 0
         self._clock_ns = self._sent_ns = world.time_ns
         self._sent = self._changed = time.monotonic()
-        self._silent_until = self._introduced_until = math.inf
-        self._introduced = -math.inf
+        self._silent_until = math.inf
+        self._repeated = -math.inf
         self._is_settled = False
         self._shown: tuple[int, bytes] | None = None
         self._links, self._models = LinkStatesEncoder(), LinkStatesEncoder()
@@ -124,6 +124,8 @@ class StateTopics:
                 hardly any message is in transit.
         """
         now = time.monotonic()
+        if self._silent_until == math.inf:  # until now the node advertised services
+            self._silent_until = now + START_SILENCE
         if self._world.time_ns < max(self._clock_ns, self._sent_ns):
             if self._latched is not None:
                 self._latched.forget()
@@ -132,11 +134,10 @@ class StateTopics:
                 return True
             self._publish_clock()
             self._sent_ns = self._world.time_ns
-            self._silent_until = now + RESET_SILENCE if is_heard else now
-        if self._silent_until == math.inf:  # until now the node advertised services
-            self._silent_until = self._introduced_until = now + START_SILENCE
-        if self._introduced + CLOCK_PERIOD <= now < self._introduced_until:
-            self._introduced = now
+            if is_heard:
+                self._silent_until = max(self._silent_until, now + RESET_SILENCE)
+        if self._repeated + CLOCK_PERIOD <= now < self._silent_until:
+            self._repeated = now
             self._publish_clock()
         return now < self._silent_until
 

@@ -280,16 +280,18 @@ class History:
             run: Number of the run; 0: the newest.
 
         Returns:
-            Stamps of the states before and after each gap, in [ns].
+            Stamps of the states before and after each gap, in [ns]; the first state may
+            be before ``begin``.
         """
-        each = [chunk.stamps() for chunk in self._chunks_of(run, begin, end)]
+        chunks = self._chunks_of(run, 0, end)
+        before = sum(chunk.last < begin for chunk in chunks)
+        each = [chunk.stamps() for chunk in chunks[max(before - 1, 0) :]]
         stamps = np.concatenate([np.empty(0, np.int64), *each])
-        stamps = stamps[(begin <= stamps) & (stamps <= end)]
         steps = np.diff(stamps)
         if not (steps > STILL).any():
             return []
-        usual = np.median(steps[steps > STILL])
-        rows = np.flatnonzero(steps > MISSING * usual)
+        is_long = steps > MISSING * np.median(steps[steps > STILL])
+        rows = np.flatnonzero(is_long & (stamps[1:] > begin) & (stamps[1:] <= end))
         return [*zip(stamps[rows].tolist(), stamps[rows + 1].tolist())]
 
     def commands(
@@ -298,8 +300,8 @@ class History:
         """Return the commands from a time to another one, in [ns], by their first."""
         each: dict[Command, list[tuple[np.ndarray, np.ndarray]]] = {}
         for chunk in self._chunks_of(run, begin, end):
-            for command, *arrays in chunk.commands(begin, end, with_positions):
-                each.setdefault(command, []).append((arrays[0], arrays[1]))
+            for command, own, rows in chunk.commands(begin, end, with_positions):
+                each.setdefault(command, []).append((own, rows))
         found = []
         for command, parts in each.items():
             stamps, positions = map(np.concatenate, zip(*parts))

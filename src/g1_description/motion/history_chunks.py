@@ -222,7 +222,10 @@ class Chunk:
         if self._n_commands < MAX_COMMANDS:
             self._n_commands += 1
             found = self.last, np.array(positions, np.float32)
-            self._commands.setdefault(command, []).append(found)
+            if command in self._commands:
+                self._commands[command].append(found)
+            else:  # a reader without the lock must not meet an empty list
+                self._commands[command] = [found]
 
     @property
     def duration(self) -> int:

@@ -102,12 +102,14 @@ class DirectPublisher(rospy.SubscribeListener):
         """Locked while messages are sent, so that a new subscriber gets each once."""
         self._poll = select.poll()
         self._connections: list = []
-        """The list of rospy's that the peers are made of; rospy replaces it."""
+        """rospy's list that ``_peers`` was made from; replaced at each change."""
         self._peers: list[Peer] = []
         with warnings.catch_warnings():
             # rospy warns of a publisher without a queue.
             warnings.simplefilter("ignore", SyntaxWarning)
-            self._publisher = rospy.Publisher(name, kind, subscriber_listener=self)
+            self._publisher = rospy.Publisher(name, kind)
+        # Subscribers may have come before; the first publish takes them up.
+        self._publisher.impl.add_subscriber_listener(self)
 
     def peer_subscribe(self, topic_name, topic_publish, peer_publish) -> None:
         """Add a subscriber; rospy calls this in the thread of its handshake."""
@@ -126,10 +128,10 @@ class DirectPublisher(rospy.SubscribeListener):
     def publish(self, message) -> None:
         """Send a message to all subscribers with room, queue it for the others."""
         with self._lock:
-            self._update()
-            if self._latch:
-                self._newest = message
             try:
+                self._update()
+                if self._latch:
+                    self._newest = message
                 self._send(message)
             except rospy.ROSException:
                 # rospy closes topics before its ``is_shutdown`` turns true.
@@ -138,25 +140,21 @@ class DirectPublisher(rospy.SubscribeListener):
 
     def _update(self) -> None:
         """Take up new subscribers, and forget those that have left."""
-        topic = self._publisher.impl
-        if topic is None or topic.connections is self._connections:
-            return  # it is closed, or nobody came or went
-        self._connections = topic.connections
+        connections = self._publisher.impl.connections
+        if connections is self._connections:
+            return
         known = {peer.connection: peer for peer in self._peers}
-        for gone in {*known} - {*self._connections}:
-            with contextlib.suppress(KeyError):
-                self._poll.unregister(known[gone].descriptor)
-        self._peers = []
-        for connection in self._connections:
-            peer = known.get(connection)
-            with contextlib.suppress(OSError, TypeError):  # it has disconnected
-                peer = peer or self._greeted(connection)
-                self._peers.append(peer)
+        peers, poll = [], select.poll()  # numbers of sockets are used again
+        for connection in connections:
+            with contextlib.suppress(OSError, AttributeError):  # it has disconnected
+                peer = known.get(connection) or self._greeted(connection)
+                poll.register(peer.descriptor, select.POLLOUT)
+                peers.append(peer)
+        self._connections, self._poll, self._peers = connections, poll, peers
 
     def _greeted(self, connection) -> Peer:
         """Make a subscriber of a connection; it gets the newest message."""
         peer = Peer(self._publisher.impl, connection, self._queue_size)
-        self._poll.register(peer.descriptor, select.POLLOUT)
         if self._newest is not None:
             peer.send(self._newest)
         return peer

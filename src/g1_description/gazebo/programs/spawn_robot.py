@@ -110,10 +110,11 @@ def _set_joints(
     Gazebo answers with success while it loads a model, and loses the positions.
 
     Raises:
-        ServiceException: If a joint is elsewhere after ``SET_TIMEOUT``.
+        ServiceException: If Gazebo refuses, or a joint is elsewhere after
+            ``SET_TIMEOUT``.
     """
     request = model, "", [*positions], [*positions.values()]
-    off: list[str] = []
+    off = ""
 
     def read(joint: str) -> float:
         try:
@@ -124,11 +125,9 @@ def _set_joints(
         return answer.position[0]
 
     def are_set() -> bool:
-        off[:] = [
-            joint
-            for joint, position in positions.items()
-            if not abs(read(joint) - position) < TOLERANCE
-        ]
+        nonlocal off
+        each = positions.items()
+        off = next((j for j, at in each if not abs(read(j) - at) < TOLERANCE), "")
         if off:
             _log(
                 gazebo.call("set_model_configuration", SetModelConfiguration, *request)
@@ -136,14 +135,17 @@ def _set_joints(
         return not off
 
     rospy.rostime.wallsleep(LOAD_TIME)
-    if wait_until(are_set, SET_TIMEOUT, period=LOAD_TIME):
-        return
-    with suppress(rospy.ServiceException):  # its straight legs may be in the floor
-        gazebo.call("delete_model", DeleteModel, model)
-    raise rospy.ServiceException(
-        f"Gazebo has not set {off[0]} of {model} to {positions[off[0]]:g} within "
-        f"{SET_TIMEOUT:g} s; the robot is deleted again."
-    )
+    try:
+        if wait_until(are_set, SET_TIMEOUT, period=LOAD_TIME):
+            return
+        raise rospy.ServiceException(
+            f"Gazebo has not set {off} of {model} to {positions[off]:g} within "
+            f"{SET_TIMEOUT:g} s; the robot is deleted again"
+        )
+    except rospy.ServiceException:  # its straight legs may be in the floor
+        with suppress(rospy.ServiceException):
+            gazebo.call("delete_model", DeleteModel, model)
+        raise
 
 
 def _set_anchor(parameters: SpawnParameters, gazebo: GazeboServices) -> None:
@@ -171,15 +173,18 @@ def spawn_in_each(parameters: SpawnParameters, gazebo: GazeboServices) -> None:
         ROSInterruptException: If the node was shut down before the robot was spawned.
     """
     while True:
-        gazebo.wait_for(*SERVICES)
+        gazebo.wait_for("spawn_urdf_model")
         known = _address()  # before spawning: Gazebo may be replaced meanwhile
         wait = None
         try:
             spawn(parameters, gazebo)
         except rospy.ServiceException as error:
             reason = str(error).rstrip(".")
-            rospy.logerr("%s. Trying again in %g s.", reason, RETRY_PERIOD)
-            wait = RETRY_PERIOD
+            if "already exist" in reason:  # no attempt can change that
+                rospy.logerr("%s.", reason)
+            else:
+                rospy.logerr("%s. Trying again in %g s.", reason, RETRY_PERIOD)
+                wait = RETRY_PERIOD
         try:
             is_another = _wait_for_another(known, wait)
         except rospy.ROSInterruptException:

@@ -73,7 +73,10 @@ class Unpickler(pickle._Unpickler):  # type: ignore[name-defined, misc]
         self._names = self.names()
 
     def names(self) -> dict[str, Any]:
-        """List the replacements of the allowed names; made anew for each pickle."""
+        """List the replacements of the allowed names.
+
+        Functions are made for each pickle, as it may set their attributes.
+        """
         read_array = self._following_array
 
         class JoblibArray(Array):
@@ -84,12 +87,12 @@ class Unpickler(pickle._Unpickler):  # type: ignore[name-defined, misc]
 
         return {
             "numpy.core.multiarray._reconstruct": lambda *_: Array(),
-            "numpy.core.multiarray.scalar": _scalar,
-            "numpy.core.numeric._frombuffer": _from_buffer,
+            "numpy.core.multiarray.scalar": lambda *given: _scalar(*given),
+            "numpy.core.numeric._frombuffer": lambda *given: _from_buffer(*given),
             "numpy.ndarray": Array,
             "numpy.dtype": Dtype,
             "collections.OrderedDict": dict,
-            "__builtin__.bytes": bytes,  # without bytes, in protocol 2
+            "__builtin__.bytes": lambda *_: b"",  # without bytes, in protocol 2
             "_codecs.encode": lambda text, *_: text.encode("latin1"),
             "joblib.numpy_pickle.NumpyArrayWrapper": JoblibArray,
         }

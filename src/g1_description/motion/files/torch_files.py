@@ -93,9 +93,9 @@ class _Unpickler(Unpickler):
         return {
             **super().names(),
             **kinds,
-            "torch._utils._rebuild_tensor_v2": _tensor,
+            "torch._utils._rebuild_tensor_v2": lambda *given: _tensor(*given),
             "torch._utils._rebuild_parameter": lambda tensor, *_: tensor,
-            "torch.Size": tuple,
+            "torch.Size": lambda numbers: _size(numbers),
         }
 
     def find_class(self, module: str, name: str) -> Any:
@@ -110,6 +110,13 @@ class _Unpickler(Unpickler):
         if what != "storage" or kind not in STORAGES.values() or type(key) is not str:
             raise MotionError("it has an unknown storage")
         return self._storages.numbers(key, kind)[:count]
+
+
+def _size(numbers: Any) -> tuple[int, ...]:
+    """Return a shape; a tensor could be a view of one number, a billion times."""
+    if type(numbers) is not tuple:
+        raise MotionError("it has a size that is not a tuple")
+    return numbers
 
 
 def _tensor(storage: Any, offset: Any, size: Any, stride: Any, *_: Any) -> np.ndarray:
