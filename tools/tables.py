@@ -35,8 +35,8 @@ from g1_description.web.parameters import WebParameters
 ROOT = Path(__file__).resolve().parents[1]
 
 COMMANDS: dict[str, tuple[str, type[Any]]] = {
-    "check": ("checks.md", CheckOptions),
-    "collision_pairs": ("checks.md", PairsOptions),
+    "check": ("checks_reference.md", CheckOptions),
+    "collision_pairs": ("self_collision.md", PairsOptions),
     "doctor": ("doctor.md", DoctorOptions),
     "import_model": ("import.md", ImportOptions),
     "moveit_config": ("robots.md", MoveItOptions),
@@ -291,7 +291,7 @@ def texts() -> dict[Path, str]:
         found[path] = with_block(
             found[path], file.stem, example(file), ("<!-- ", " -->")
         )
-    path = ROOT / "docs" / "checks.md"
+    path = ROOT / "docs" / "checks_reference.md"
     found[path] = with_block(found[path], "rules", rule_rows(), ("<!-- ", " -->"))
     path = ROOT / "config" / "checks.yaml"
     found[path] = with_block(path.read_text(), "of checks", levels(), ("# ", ""))

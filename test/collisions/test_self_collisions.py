@@ -323,4 +323,4 @@ def test_another_engine_agrees(g1_robot, g1_file):
     assert len(deep) > 5 * len(poses)
     assert deep <= {key for key, distance in ours.items() if distance < 0}
     errors = np.array([ours[key] - expected[key] for key in ours])
-    assert np.abs(errors).max() < (4e-4 if is_ours else 8e-4)  # docs/checks.md
+    assert np.abs(errors).max() < (4e-4 if is_ours else 8e-4)  # docs/self_collision.md

@@ -33,6 +33,7 @@ PACKAGES = {
 FOREIGN_NODES = {("dynamic_reconfigure", "dynparam"), ("tf", "tf_echo")}
 FOREIGN = {
     "cd",
+    "cp",
     "git",
     "source",
     "catkin_make",

@@ -863,7 +863,8 @@ def write_json(bench, file):
 
 def write_page(bench, file):
     """Write all as Markdown, the figures that users care about first."""
-    lines = ["# Performance", "", f"<!-- {bench.command} writes this page. -->", ""]
+    note = f"<!-- {bench.command} writes this page, down to Measured by hand. -->"
+    lines = ["# Performance", "", note, ""]
     first = [figure for figure in bench.figures if figure.beside]
     titles = ("figure", "measured", "Gazebo, or the original client")
     lines += table(titles, [(*cells(f), f.beside) for f in first])
@@ -882,7 +883,10 @@ def write_page(bench, file):
     if bench.left_out:
         lines += ["", "## Not measured", ""]
         lines += [f"- {text}" for text in bench.left_out]
-    file.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    before = file.read_text(encoding="utf-8") if file.exists() else ""
+    _, head, by_hand = before.partition("\n## Measured by hand\n")
+    text = "\n".join(lines) + "\n" + head + by_hand
+    file.write_text(text, encoding="utf-8")
 
 
 def cells(figure):

@@ -38,7 +38,7 @@ class CheckerParameters:
     """File of thresholds; empty: ``config/checks.yaml``."""
 
     collisions: str = ""
-    """File of [allowed collisions](checks.md#allowed-pairs); empty: that of the
+    """File of [allowed collisions](self_collision.md#allowed-pairs); empty: that of the
     robot's [profile](robots.md), or what is found."""
 
     visual_hulls: bool = True

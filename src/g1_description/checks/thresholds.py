@@ -88,7 +88,7 @@ class Thresholds:
 
     acceleration_bounds: JointBounds = JointBounds(1000.0)
     """In [rad/s^2] or [m/s^2]. By default, this and the next are above 99.9 % of the
-    samples of published motions of the G1; see docs/checks.md."""
+    samples of published motions of the G1; see docs/performance.md."""
 
     jerk_bounds: JointBounds = JointBounds(100_000.0)
     """In [rad/s^3] or [m/s^3]."""

@@ -140,12 +140,12 @@ class CheckOptions:
         None,
         Path,
         metavar="YAML",
-        see="[a folder of motions](checks.md#a-folder-of-motions)",
+        see="[selections](many_motions.md#a-selection)",
     )
     physics: bool = option(
         "also simulate the motions with motors, about as fast as real time",
         False,
-        see="[physics](checks.md#what-physics-says)",
+        see="[physics](physics_check.md)",
     )
     engine: str | None = option(
         "with --physics: physics engine, bullet or mujoco",

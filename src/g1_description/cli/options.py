@@ -47,7 +47,7 @@ def collisions() -> Any:
         Path,
         metavar="YAML",
         shown="that of the robot's profile, or what is found",
-        see="[allowed pairs](checks.md#allowed-pairs)",
+        see="[allowed pairs](self_collision.md#allowed-pairs)",
     )
 
 
@@ -171,7 +171,7 @@ def selection() -> Any:
         None,
         Path,
         metavar="YAML",
-        see="[a folder of motions](checks.md#a-folder-of-motions)",
+        see="[selections](many_motions.md#a-selection)",
     )
 
 
@@ -183,5 +183,5 @@ def thresholds() -> Any:
         Path,
         metavar="YAML",
         shown="config/checks.yaml",
-        see="[thresholds](checks.md#the-checks)",
+        see="[thresholds](checks.md#your-own-thresholds)",
     )

@@ -60,7 +60,7 @@ class WebOptions:
         Path,
         shown="selection.yaml in the folder",
         metavar="YAML",
-        see="[a folder of motions](checks.md#a-folder-of-motions)",
+        see="[selections](many_motions.md#a-selection)",
     )
     motion: Path | None = option(
         "a motion to open", None, options.motion_file, metavar="FILE"

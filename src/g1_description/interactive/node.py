@@ -31,7 +31,7 @@ class InteractiveParameters:
     """Parameters of the node ``interactive``."""
 
     collisions: str = ""
-    """File of [allowed collisions](checks.md#allowed-pairs); empty: that of the
+    """File of [allowed collisions](self_collision.md#allowed-pairs); empty: that of the
     robot's [profile](robots.md), or what is found."""
 
     def __post_init__(self) -> None:

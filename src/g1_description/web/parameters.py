@@ -56,7 +56,7 @@ class WebParameters:
     """Whether the bridge publishes the commanded configuration."""
 
     collisions: str = ""
-    """File of [allowed collisions](checks.md#allowed-pairs); empty: that of the robot's
+    """File of [allowed collisions](self_collision.md#allowed-pairs); empty: that of the robot's
     [profile](robots.md), or what is found."""
 
     thresholds: str = ""

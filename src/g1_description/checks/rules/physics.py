@@ -253,7 +253,7 @@ def _limits_text(measured: Measured) -> str:
 TRACKING = Rule(
     name="tracking",
     grouping=BY_TIME,
-    about="joints far from their desired positions in [simulation](#what-physics-says)",
+    about="joints far from their desired positions in [simulation](physics_check.md)",
     level=Level(0.2, None),
     limit="rad or m, of a joint; with --physics",
     find=_tracking,

@@ -53,7 +53,7 @@ def _find(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
 
 SELF_COLLISION = Rule(
     name="self_collision",
-    about="[links that overlap](#self-collision)",
+    about="[links that overlap](self_collision.md)",
     level=Level(0.001, 0.005),
     limit="m, depth",
     unit="m",
