@@ -25,7 +25,7 @@ from g1_description.cli.pose import PoseOptions
 from g1_description.cli.record import RecordOptions
 from g1_description.cli.snapshot import SnapshotOptions
 from g1_description.cli.web import WebOptions
-from g1_description.command_line import arguments_of, default_text
+from g1_description.command_line import Argument, arguments_of, default_text
 from g1_description.gazebo.parameters import GazeboParameters, SpawnerParameters
 from g1_description.importer.command import ImportOptions
 from g1_description.interactive.node import InteractiveParameters
@@ -48,6 +48,11 @@ COMMANDS: dict[str, tuple[str, type[Any]]] = {
 }
 """The page that lists a command's options, and their dataclass. ``motion`` has one for
 each subcommand."""
+
+COMMON = ("model", "fps", "topic", "order", "input_joint_order", "format")
+"""Options of several commands, which stand in one table, on ``COMMON_PAGE``."""
+
+COMMON_PAGE = "commands.md"
 
 NODES = {
     "link_states_bridge": BridgeParameters,
@@ -93,24 +98,67 @@ def option_rows(
     options: type[Any], page: str, command: str = "", left_out: Collection[str] = ()
 ) -> list[str]:
     """Write the rows of options, those of a subcommand with its name."""
-    lines = []
-    for name, declared in arguments_of(options).items():
-        if name in left_out:
-            continue
-        value = declared.given.get("metavar")
-        flags = [f"`{command} {flag}`" for flag in declared.flags(name)]
-        flags = [flag.replace("` ", "`") for flag in flags]
-        if declared.is_positional:
-            flags = [f"`{value or name}`"]
-        see = f"; see {declared.see}" if declared.see else ""
-        see = see.replace(f"({page}#", "(#")
-        default = default_text(declared)
-        if default and not declared.shown:
-            default = f"`{default}`"
-        about = re.sub(r"(?<![\w`-])(--[a-z-]+)", r"`\1`", declared.about)
-        cells = (", ".join(flags), default, f"{about}{see}")
-        lines.append(row(cells))
+    common = {} if left_out else common_flags(options)
+    lines = [
+        option_row(name, declared, page, command)
+        for name, declared in arguments_of(options).items()
+        if name not in left_out and name not in common
+    ]
+    if common:
+        flags = ", ".join(f"`{flag}`" for flag in common.values())
+        see = f"see [common options]({COMMON_PAGE}#common-options)"
+        lines.append(row((flags, "", see)))
     return lines
+
+
+def option_row(name: str, declared: Argument, page: str, command: str = "") -> str:
+    """Write the row of an option."""
+    value = declared.given.get("metavar")
+    flags = [f"`{command} {flag}`" for flag in declared.flags(name)]
+    flags = [flag.replace("` ", "`") for flag in flags]
+    if declared.is_positional:
+        flags = [f"`{value or name}`"]
+    see = f"; see {declared.see}" if declared.see else ""
+    see = see.replace(f"({page}#", "(#")
+    default = default_text(declared)
+    if default and not declared.shown:
+        default = f"`{default}`"
+    about = re.sub(r"(?<![\w`-])(--[a-z-]+)", r"`\1`", declared.about)
+    return row((", ".join(flags), default, f"{about}{see}"))
+
+
+def common_flags(options: type[Any]) -> dict[str, str]:
+    """Return the flags of common options by field; of a single one, none."""
+    known = arguments_of(Reading)
+    meanings = {known[name].about for name in COMMON}
+    found = {
+        name: declared.flags(name)[0]
+        for name, declared in arguments_of(options).items()
+        if declared.about in meanings
+    }
+    return found if len(found) > 1 else {}
+
+
+def common_rows() -> str:
+    """Write the table of the common options."""
+    known = arguments_of(Reading)
+    return "\n".join(
+        [*HEAD, *(option_row(name, known[name], COMMON_PAGE) for name in COMMON)]
+    )
+
+
+def command_rows() -> str:
+    """Write the table of the commands."""
+    lines = ["| command | what it does |", "| --- | --- |"]
+    known = {
+        name: (page, (options.__doc__ or "").splitlines()[0])
+        for name, (page, options) in COMMANDS.items()
+    }
+    known["motion"] = ("motions.md", "Say what motions are, convert and edit them.")
+    for name, (page, about) in sorted(known.items()):
+        text = about[0].lower() + about[1:].rstrip(".")
+        lines.append(row((f"[`{name}`]({page})", text)))
+    return "\n".join(lines)
 
 
 def meanings_of(kind: type[Any]) -> dict[str, str]:
@@ -291,6 +339,9 @@ def texts() -> dict[Path, str]:
         found[path] = with_block(
             found[path], file.stem, example(file), ("<!-- ", " -->")
         )
+    path = ROOT / "docs" / COMMON_PAGE
+    text = with_block(path.read_text(), "commands", command_rows(), ("<!-- ", " -->"))
+    found[path] = with_block(text, "common", common_rows(), ("<!-- ", " -->"))
     path = ROOT / "docs" / "checks_reference.md"
     found[path] = with_block(found[path], "rules", rule_rows(), ("<!-- ", " -->"))
     path = ROOT / "config" / "checks.yaml"

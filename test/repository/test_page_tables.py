@@ -60,6 +60,13 @@ def test_nothing_that_tells_of_options_is_stale():
         assert path.read_text() == text, f"{path.name}: run tools/tables"
 
 
+def test_common_options_are_described_once():
+    pages = "".join(page.read_text() for page in (ROOT / "docs").rglob("*.md"))
+    known = tables.arguments_of(tables.Reading)
+    abouts = [known[name].about for name in tables.COMMON if name != "model"]
+    assert [about for about in abouts if pages.count(f"| {about}") != 1] == []
+
+
 def test_the_yaml_file_holds_known_parameters_and_their_defaults():
     values = yaml.safe_load((ROOT / "config" / "bridge.yaml").read_text())
     assert values.items() <= default_parameters(BridgeParameters).items()
