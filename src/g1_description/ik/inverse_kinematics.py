@@ -53,8 +53,11 @@ BASES = {
 """How the base may move: along and about the world's axes."""
 
 FARTHEST = 100.0
-"""Largest distance of a target from the root link at the start, of a point from the
-origin of its link, and of the floor above the root link, in [m]."""
+"""Largest distance of a target from the root link at the start, and of the floor above
+the root link, in [m]."""
+
+FARTHEST_POINT = 5.0
+"""Largest coordinate of a point of a link, in [m]: a fingertip's in mm is beyond it."""
 
 SPEED_SHARE = 0.999
 """Share of the velocity limits that paths use: others round to the limit itself."""
@@ -577,10 +580,10 @@ def _point(name: str, given: Any) -> np.ndarray:
             f"The point of {name} must be x y z in its frame (got {str(given)[:80]})."
         )
     far = float(np.abs(numbers).max())
-    if far > FARTHEST:
+    if far > FARTHEST_POINT:
         raise InvalidValueError(
             f"The point of {name} is {far:.3g} m from its origin: points are in m, at "
-            f"most {FARTHEST:g} m away."
+            f"most {FARTHEST_POINT:g} m away."
         )
     return numbers
 

@@ -98,12 +98,15 @@ def open_robot(model: ModelText) -> ImportedRobot:
     """
     root = parse_xml("robot description", model.text, keep_comments=True)
     changes = give_names(root, model.path.stem)
-    before = etree.tostring(root)
+    newer = {
+        "rpy instead of quat_xyzw": "origin[@quat_xyzw]",
+        "a cylinder and two spheres instead of each capsule": "geometry/capsule",
+    }
+    changed = [words for words, path in newer.items() if root.xpath(f".//{path}")]
     make_version_1_0(root)
-    if etree.tostring(root) != before:
+    if changed:
         changes.append(
-            "The robot became URDF 1.0, which ROS 1 reads, with rpy instead of "
-            "quat_xyzw, and a cylinder and two spheres instead of each capsule."
+            f"The robot became URDF 1.0, which ROS 1 reads, with {', '.join(changed)}."
         )
     description = replace(model.description, name=root.get("name"))
     folder = model.path.parent

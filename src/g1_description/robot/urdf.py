@@ -338,6 +338,8 @@ def make_version_1_0(robot: etree._Element) -> None:
         robot.set("version", "1.0")
     _remove_unsupported_shapes(robot)
     _write_rpy(robot)
+    for origin in robot.iter("origin"):  # with rpy it has no effect
+        origin.attrib.pop("quat_xyzw", None)
     for element, shape in [*_shapes(robot)]:
         if shape.tag == "capsule":
             _split(element, shape)

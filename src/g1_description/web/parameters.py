@@ -56,8 +56,8 @@ class WebParameters:
     """Whether the bridge publishes the commanded configuration."""
 
     collisions: str = ""
-    """File of [allowed collisions](self_collision.md#allowed-pairs); empty: that of the robot's
-    [profile](robots.md), or what is found."""
+    """File of [allowed collisions](self_collision.md#allowed-pairs); empty: that of the
+    robot's [profile](robots.md), or what is found."""
 
     thresholds: str = ""
     """File of the checks' thresholds; empty: ``config/checks.yaml``."""
