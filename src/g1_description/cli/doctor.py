@@ -1,42 +1,43 @@
 """The command doctor: checks from the master to the display, until the first fault.
 
 A check is a function in the list ``CHECKS`` that queries the running system and returns
-a ``Fault``, or a remark if there is none. Its results are kept in ``System`` for later
-checks.
+a ``Fault``, or a remark if there is none. Its results are kept in ``RunningSystem`` for
+later checks.
 
 Only the standard library is imported at the top: the command must work if the rest is
 missing. From ``check_description`` on, the rest is known to be installed.
-
-Subscribes: /clock, /diagnostics, /tf, /tf_static, <gazebo>/link_states, joint_states
-Calls: <gazebo>/get_physics_properties, <gazebo>/get_world_properties
 """
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
-import queue
-import shutil
 import socket
-import subprocess
 import sys
-import threading
 import time
-from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, fields
-from functools import cached_property
-from http.client import HTTPException
-from importlib.util import find_spec
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Dict, List, Tuple
-from urllib.parse import urlparse
-from xml.parsers.expat import ExpatError
-from xmlrpc.client import Error, ServerProxy
+from typing import TYPE_CHECKING, Any
 
 from g1_description.cli import options
+from g1_description.cli.running_system import (
+    DEFAULT_MASTER,
+    STATES,
+    WAIT,
+    RunningSystem,
+    addresses_of,
+    are_loopback,
+    ask,
+    call,
+    failed_imports,
+    first_message,
+    host_of,
+    is_own,
+    listen,
+    reason_of,
+)
 from g1_description.cli.start import is_shut_down
 from g1_description.command_line import option, parse, say
 from g1_description.text import listed
@@ -44,11 +45,8 @@ from g1_description.text import listed
 if TYPE_CHECKING:
     import numpy as np
 
-    from g1_description.bridge.parameters import BridgeParameters, RobotParameters
+    from g1_description.cli.running_system import Heard
     from g1_description.robot.description import Description
-
-    Nodes = Dict[str, List[str]]  # by the full name of a topic or a service
-    Heard = List[Tuple[str, str, Any]]  # topics, senders and messages
 
 NO_FAULT, FOUND, MISUSE = 0, 1, 2
 """Exit codes."""
@@ -56,24 +54,14 @@ NO_FAULT, FOUND, MISUSE = 0, 1, 2
 OK, FAILED, SKIPPED = "ok", "failed", "skipped"
 """States of a check."""
 
-WAIT = 5.0
-"""Longest wait for an answer or a message, in [s] of wall time."""
-
 TF_WAIT = 1.5
 """Longest wait in [s] for nodes that may send to TF, but need not."""
-
-IMPORT_TIMEOUT = 20.0
-"""Longest wait for imports in [s]: the disk may be slow the first time."""
 
 MAX_OFFSET = 0.01
 """Largest distance in [m] of a joint from its place in the description: in Gazebo, the
 joints of a robot that lies on the floor come apart a little."""
 
-DEFAULT_MASTER = "http://localhost:11311"
-ROS_FOLDER = "/usr/bin"
-"""Folder of ROS' Python."""
-
-OF_WORKSPACE = ("g1_description.srv", "gazebo_msgs.msg")
+OF_ROS = ("rospy", "g1_description.srv", "gazebo_msgs.msg")
 """Modules that are importable once the workspace is sourced."""
 
 PACKAGES = {
@@ -89,21 +77,9 @@ PACKAGES = {
 }
 """Modules that the nodes import, with their names for pip."""
 
-STATES = "tf_joint_states"
-"""Base name of a topic that only a bridge publishes, for robot_state_publisher."""
-
 PIPELINE = {"clock", "tf", "tf_static", "link_states", "world_state", "joint_states"}
 PIPELINE |= {STATES, "set_model_configuration"}
 """Base names of the topics and services between the simulator and RViz."""
-
-BRIDGE = "/link_states_bridge"
-"""The bridge's name in the launch files."""
-
-PAGE_PARAMETERS = {"controls", "port", "read_only"}
-"""Parameters that identify the node of the browser view."""
-
-RVIZ_SERVICE = "/reload_shaders"
-"""Base name of a service of each RViz."""
 
 DISPLAY = "roslaunch g1_description display.launch"
 BROWSER = "roslaunch g1_description web.launch"
@@ -137,346 +113,6 @@ class Result:
     fault: Fault | None = None
 
 
-# --- asking with the standard library -------------------------------------------------
-
-
-def within(seconds: float, function: Callable[..., Any], *given: Any) -> Any:
-    """Call a function with a timeout, in a thread that is abandoned after it.
-
-    Raises:
-        TimeoutError: If it takes longer; also the errors of the function.
-    """
-    results: queue.Queue = queue.Queue()
-
-    def call() -> None:
-        try:
-            results.put((function(*given), None))
-        except Exception as error:  # raised again below
-            results.put((None, error))
-
-    threading.Thread(target=call, daemon=True).start()
-    try:
-        value, error = results.get(timeout=seconds)
-    except queue.Empty:
-        raise TimeoutError(f"no answer within {seconds:g} s") from None
-    if error is not None:
-        raise error
-    return value
-
-
-def ask(uri: str, method: str, *given: Any) -> Any:
-    """Call a method of the master or a node, by ROS' XML-RPC interface.
-
-    Raises:
-        OSError: If nothing answers, or not by ROS' protocol.
-        LookupError: If the call failed on the other side.
-    """
-
-    def call() -> tuple[int, str, Any]:
-        code, text, value = getattr(ServerProxy(uri), method)("/doctor", *given)
-        return int(code), str(text), value
-
-    try:
-        code, text, value = within(WAIT, call)
-    except (Error, HTTPException, ExpatError, TypeError, ValueError):
-        raise OSError("the program that answers there is not a ROS program") from None
-    if code != 1:
-        raise LookupError(text)
-    return value
-
-
-def reason_of(error: BaseException) -> str:
-    """Describe an error of a connection."""
-    if isinstance(error, socket.gaierror):
-        return "its host name cannot be resolved here"
-    if isinstance(error, ConnectionRefusedError):
-        return "nothing listens there"
-    if isinstance(error, OSError):
-        return (error.strerror or str(error)).lower()
-    return f"{type(error).__name__}: {error}"
-
-
-def host_of(uri: str) -> tuple[str, int]:
-    """Read host and port of an address.
-
-    Raises:
-        ValueError: If it is not an address.
-    """
-    parts = urlparse(uri)
-    if parts.scheme != "http" or not parts.hostname or not parts.port:
-        raise ValueError(f"'{uri}' is not an address")
-    return parts.hostname, parts.port
-
-
-def addresses_of(host: str) -> list[str]:
-    """Resolve a host name; empty if that fails."""
-    try:
-        found = within(WAIT, socket.getaddrinfo, host, None)
-    except (OSError, UnicodeError):
-        return []
-    return list(dict.fromkeys(entry[4][0] for entry in found))
-
-
-def is_own(address: str) -> bool:
-    """Return whether an address belongs to this machine, so that it can be bound."""
-    family = socket.AF_INET6 if ":" in address else socket.AF_INET
-    with contextlib.suppress(OSError), socket.socket(family, socket.SOCK_STREAM) as one:
-        one.bind((address, 0))
-        return True
-    return False
-
-
-def are_loopback(addresses: Iterable[str]) -> bool:
-    """Return whether all addresses are loopback addresses."""
-    return all(a.startswith("127.") or a == "::1" for a in addresses)
-
-
-IMPORTS = """
-import importlib, json, sys
-found = {}
-for name in sys.argv[1:]:
-    try:
-        importlib.import_module(name)
-    except BaseException as error:
-        found[name] = "%s: %s" % (type(error).__name__, error)
-print("\\n" + json.dumps(found))
-"""
-
-
-def failed_imports(python: str, names: Sequence[str]) -> dict[str, str]:
-    """Import modules in another process, which may crash; return errors by module."""
-    try:
-        run = subprocess.run(
-            [python, "-c", IMPORTS, *names],
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-            timeout=IMPORT_TIMEOUT,
-            check=False,
-        )
-        return dict(json.loads(run.stdout.decode().splitlines()[-1]))
-    except (OSError, ValueError, IndexError, subprocess.TimeoutExpired) as error:
-        reason = f"importing it fails ({error})"
-    return dict.fromkeys(names, reason)
-
-
-# --- asking as a node -----------------------------------------------------------------
-
-
-def _start_node() -> None:
-    import rospy
-
-    from g1_description.ros.lifecycle import start_node
-
-    if not rospy.core.is_initialized():
-        start_node("doctor", anonymous=True, disable_rosout=True)
-
-
-def listen(topics: Mapping[str, Any], is_enough: Callable[[Heard], bool]) -> Heard:
-    """Subscribe to topics for a while.
-
-    Args:
-        topics: Message classes by topic.
-        is_enough: Returns whether the messages so far are enough.
-
-    Returns:
-        Topics, senders and messages.
-
-    Raises:
-        ROSInterruptException: If the node is shut down.
-    """
-    import rospy
-
-    from g1_description.ros.waiting import wait_until
-
-    _start_node()
-    heard: Heard = []
-
-    def on_message(message: Any, topic: str) -> None:
-        header = message._connection_header or {}
-        heard.append((topic, header.get("callerid", ""), message))
-
-    subscribers = [
-        rospy.Subscriber(topic, kind, on_message, callback_args=topic, queue_size=100)
-        for topic, kind in topics.items()
-    ]
-    wait_until(lambda: is_enough(list(heard)), WAIT, period=0.05)
-    for subscriber in subscribers:
-        subscriber.unregister()
-    return list(heard)
-
-
-def first_message(topic: str, kind: Any) -> Any:
-    """Wait for any message of a topic; None if none comes."""
-    heard = listen({topic: kind}, bool)
-    return heard[0][2] if heard else None
-
-
-def call(service: str, kind: Any) -> Any:
-    """Call a service that may hang, or not be there yet.
-
-    Raises:
-        OSError: If there is no answer.
-    """
-    import rospy
-
-    _start_node()
-    proxy = rospy.ServiceProxy(service, kind)
-
-    def answer() -> Any:
-        proxy.wait_for_service(WAIT)
-        return proxy()
-
-    try:
-        return within(WAIT, answer)
-    except (rospy.ServiceException, rospy.ROSException) as error:
-        raise OSError(str(error)) from None
-
-
-# --- what the checks find out ---------------------------------------------------------
-
-
-class System:
-    """The running system, as known from the checks so far."""
-
-    def __init__(self, namespace: str) -> None:
-        self.namespace = namespace
-        """Of the robot's topics, without leading and trailing slashes."""
-        self.uri = os.environ.get("ROS_MASTER_URI") or DEFAULT_MASTER
-        self.master_is_here = True
-        self.failed: dict[str, str] = {}
-        """Errors of modules that this Python cannot import."""
-        self.publishers: Nodes = defaultdict(list)
-        self.subscribers: Nodes = defaultdict(list)
-        self.services: Nodes = defaultdict(list)
-        self.pids: dict[str, int] = {}
-        """Process ids of the nodes that answer."""
-        self.here: set[str] = set()
-        """The nodes on this machine."""
-        self.place = ""
-        """Parameter of the robot's description."""
-        self.description: Description = None  # type: ignore[assignment]
-        self.is_paused = False
-        self.links: tuple[list[str], np.ndarray] = None  # type: ignore[assignment]
-        """Scoped names and poses, shape (n, 7), of the simulator's links."""
-
-    def ask_graph(self) -> list[Nodes]:
-        """Ask the master for publishers, subscribers and services."""
-        tables = ask(self.uri, "getSystemState")
-        return [defaultdict(list, dict(table)) for table in tables]
-
-    def parameter(self, name: str, default: Any = None) -> Any:
-        """Ask the master for a parameter."""
-        try:
-            return ask(self.uri, "getParam", name)
-        except LookupError:
-            return default
-
-    def topic(self, name: str) -> str:
-        """Return the full name of a topic of the robot."""
-        return f"/{self.namespace}/{name}" if self.namespace else f"/{name}"
-
-    def _parameters_of(self, node: str) -> dict[str, Any]:
-        found = self.parameter(node, {})
-        return found if isinstance(found, dict) else {}
-
-    @cached_property
-    def bridges(self) -> list[str]:
-        """The bridges of the namespace, that of the launch files first."""
-        nodes = self.publishers[self.topic(STATES)]
-        return sorted(nodes, key=lambda node: (node != BRIDGE, node))
-
-    @cached_property
-    def all_bridges(self) -> dict[str, list[str]]:
-        """The bridges by namespace."""
-        found = self.publishers.items()
-        ends = f"/{STATES}"
-        return {t[: -len(ends)].strip("/"): n for t, n in found if t.endswith(ends)}
-
-    @cached_property
-    def parameters(self) -> BridgeParameters:
-        """The bridge's parameters; the defaults without a bridge."""
-        from g1_description.bridge.parameters import BridgeParameters
-        from g1_description.errors import G1DescriptionError
-
-        own = self._parameters_of(self.bridges[0]) if self.bridges else {}
-        names = {field.name for field in fields(BridgeParameters)}
-        try:
-            return BridgeParameters(**{name: own[name] for name in names & {*own}})
-        except (G1DescriptionError, TypeError):  # a bridge does not start with these
-            return BridgeParameters()
-
-    def launch(self, file: str) -> str:
-        """Return the command that starts a launch file, with the simulator in use."""
-        is_gazebo = self.parameter(f"{self.gazebo}/sim") == "gazebo"
-        if self.simulators:
-            is_gazebo = not self.services[f"{self.gazebo}/step"]
-        return f"roslaunch g1_description {file}{' sim:=gazebo' * is_gazebo}"
-
-    @property
-    def gazebo(self) -> str:
-        """The simulator's namespace."""
-        return self.parameters.gazebo
-
-    @cached_property
-    def robot(self) -> RobotParameters:
-        """The robot of the namespace among those of the bridge."""
-        robots = self.parameters.each_robot
-        return next((r for r in robots if r.namespace == self.namespace), robots[0])
-
-    @cached_property
-    def simulators(self) -> list[str]:
-        """The simulator's node; empty if there is none."""
-        return self.services[f"{self.gazebo}/set_model_configuration"]
-
-    @cached_property
-    def source(self) -> str:
-        """The nodes that publish joint states without a bridge and a simulator."""
-        if any(self.all_bridges.values()) or self.simulators:
-            return ""
-        return listed(self.publishers[self.topic("joint_states")])
-
-    @cached_property
-    def viewers(self) -> list[str]:
-        """The nodes that show the robot."""
-        found = self.services.items()
-        rviz = [ns for name, ns in found if name.endswith(RVIZ_SERVICE)]
-        # Without an open page the browser view subscribes to nothing.
-        pages = [n for n in self.pids if {*self._parameters_of(n)} >= PAGE_PARAMETERS]
-        return sorted({*pages, *(node for nodes in rviz for node in nodes)})
-
-    @property
-    def tf_input(self) -> str:
-        """The topic of joint states that TF is made of."""
-        return self.topic("joint_states" if self.source else STATES)
-
-    @cached_property
-    def state_publishers(self) -> list[str]:
-        """The nodes that publish TF from it."""
-        readers = self.subscribers[self.tf_input]
-        return [node for node in readers if node in self.publishers["/tf"]]
-
-    def base_edges(self) -> list[tuple[str, str]]:
-        """List the edges of TF that the bridge publishes: parent and child."""
-        from g1_description.bridge.parameters import base_child, static_edges
-
-        prefix, p = self.robot.frame_prefix, self.parameters
-        base = base_child(p, self.description)
-        moving = [(p.map_frame, prefix + base)] if base else []
-        return [*moving, *static_edges(p, self.description, prefix)]
-
-    def edges(self) -> list[tuple[str, str]]:
-        """List the edges that TF should have: parent and child."""
-        from g1_description.robot.description import MOVABLE
-
-        prefix = self.robot.frame_prefix
-        joints = [
-            (prefix + joint.parent, prefix + joint.child)
-            for joint in self.description.joints
-            if joint.kind in (*MOVABLE, "fixed")
-        ]
-        return joints if self.source else [*self.base_edges(), *joints]
-
-
 # --- the checks -----------------------------------------------------------------------
 
 
@@ -490,69 +126,45 @@ def several(
     return Fault(name, message, f"rosnode kill {others[-1]}")
 
 
-def check_python(system: System) -> Fault | str:
-    """Import modules of ROS and of the workspace, by this Python and that on PATH."""
-    own, first = sys.executable, shutil.which("python3") or ""
-    system.failed = failed_imports(own, ["rospy", *OF_WORKSPACE, *PACKAGES])
-    reason = system.failed.get("rospy", "")
-    # Checked first without a workspace: rosrun finds the right Python.
-    is_sourced = find_spec("g1_description.srv") is not None
-    if reason and is_sourced and os.path.dirname(own) != ROS_FOLDER:
-        return Fault(
-            "wrong_python",
-            f"This command runs with {own}, which is not ROS' Python: {reason}.",
-            f"export PATH={ROS_FOLDER}:$PATH",
-        )
-    reasons = [system.failed[n] for n in OF_WORKSPACE if n in system.failed]
-    if reason or reasons:
-        setup = Path(__file__).resolve().parents[3] / ".ws" / "devel" / "setup.bash"
-        return Fault(
-            "no_workspace",
-            "The workspace of this package is not sourced in this shell: "
-            f"{reason or reasons[0]}.",
-            f"source {setup if setup.is_file() else '~/catkin_ws/devel/setup.bash'}",
-        )
-    is_same = os.path.abspath(own) == os.path.abspath(first)
-    if is_same or (first and not failed_imports(first, ["rospy"])):
-        return own
-    return (
-        f"{own}; python3 on PATH ({first or 'missing'}) has no rospy: scripts with "
-        f"'#!/usr/bin/env python3' need export PATH={ROS_FOLDER}:$PATH"
+def check_python(system: RunningSystem) -> Fault | str:
+    """Import modules of ROS and of the workspace."""
+    system.failed = failed_imports([*OF_ROS, *PACKAGES])
+    reasons = [system.failed[name] for name in OF_ROS if name in system.failed]
+    if not reasons:
+        return sys.executable
+    setup = Path(__file__).resolve().parents[3] / ".ws" / "devel" / "setup.bash"
+    return Fault(
+        "no_workspace",
+        "The workspace of this package is not sourced in this shell, or "
+        f"{sys.executable} is not ROS' Python: {reasons[0]}.",
+        f"source {setup if setup.is_file() else '~/catkin_ws/devel/setup.bash'}",
     )
 
 
-def check_packages(system: System) -> Fault | str:
+def check_packages(system: RunningSystem) -> Fault | str:
     """Look for a package of the nodes that this Python cannot import."""
-    for module, package in PACKAGES.items():
-        if module not in system.failed or (module == "pybullet" and _is_gazebo(system)):
-            continue
-        return Fault(
-            "no_pybullet" if module == "pybullet" else "no_package",
-            f"{sys.executable} cannot import {package}, which the nodes need: "
-            f"{system.failed[module]}.",
-            f"{sys.executable} -m pip install {package}",
-        )
-    return sys.executable
+    missing = [module for module in PACKAGES if module in system.failed]
+    if missing == ["pybullet"]:  # which the real Gazebo does not need
+        return f"{sys.executable}, without PyBullet"
+    return _no_package(system, missing[0]) if missing else sys.executable
 
 
-def _is_gazebo(system: System) -> bool:
-    """Return whether the real Gazebo runs, which needs no PyBullet."""
-    try:
-        *_, services = system.ask_graph()
-    except (OSError, LookupError, ValueError):
-        return False
-    ours = "/gazebo/step"
-    return "/gazebo/set_model_configuration" in services and ours not in services
+def _no_package(system: RunningSystem, module: str) -> Fault:
+    package = PACKAGES[module]
+    return Fault(
+        "no_package",
+        f"{sys.executable} cannot import {package}, which the nodes need: "
+        f"{system.failed[module]}.",
+        f"{sys.executable} -m pip install {package}",
+    )
 
 
-def check_master(system: System) -> Fault | str:
+def check_master(system: RunningSystem) -> Fault | str:
     """Ask the master for its process."""
-    uri = system.uri
-    try:
-        host, _ = host_of(uri)
-    except ValueError:
+    uri, host = system.uri, host_of(system.uri)
+    if not host:
         return Fault(
-            "bad_master_uri",
+            "no_master",
             f"ROS_MASTER_URI must be an address like {DEFAULT_MASTER} (got '{uri}').",
             f"export ROS_MASTER_URI={DEFAULT_MASTER}  # or that of another host",
         )
@@ -560,14 +172,12 @@ def check_master(system: System) -> Fault | str:
     try:
         ask(uri, "getPid")
     except (OSError, LookupError) as error:
-        message = f"No ROS master at {uri}: {reason_of(error)}."
-        if system.master_is_here:
-            return Fault("no_master", message, DISPLAY)
-        return Fault("no_remote_master", message, f"ssh {host} roscore")
+        fix = DISPLAY if system.master_is_here else f"ssh {host} roscore"
+        return Fault("no_master", f"No ROS master at {uri}: {reason_of(error)}.", fix)
     return uri
 
 
-def check_address(system: System) -> Fault | str:
+def check_address(system: RunningSystem) -> Fault | str:
     """Check the address with which nodes of this shell register."""
     name, value = "The name of this host", socket.gethostname()
     given = [v for v in ("ROS_HOSTNAME", "ROS_IP") if v in os.environ]
@@ -589,71 +199,45 @@ def check_address(system: System) -> Fault | str:
     )
 
 
-def check_nodes(system: System) -> Fault | str:
+def check_nodes(system: RunningSystem) -> Fault | str:
     """Ask all nodes for their processes."""
-    tables = system.ask_graph()
-    nodes = sorted({n for table in tables for ns in table.values() for n in ns})
-    system.publishers, system.subscribers, system.services = tables
+    nodes = system.ask_graph()
     with ThreadPoolExecutor(16) as pool:
         faults = list(pool.map(lambda node: _ask_node(system, node), nodes))
     for fault in filter(None, faults):
         return fault
-    for table in tables:
-        for name in table:
-            table[name] = [node for node in table[name] if node in system.pids]
+    system.leave_out_silent()
     silent = listed(node for node in nodes if node not in system.pids)
     return f"{len(system.pids)} answer" + (
         f"; no answer from {silent}" if silent else ""
     )
 
 
-def _ask_node(system: System, node: str) -> Fault | None:
+def _ask_node(system: RunningSystem, node: str) -> Fault | None:
     """Query a node; record it if it answers."""
     try:
         uri = str(ask(system.uri, "lookupNode", node))
     except LookupError:
         return None  # it has just unregistered
-    addresses = []
-    with contextlib.suppress(ValueError):
-        host, port = host_of(uri)
-        addresses = addresses_of(host)
+    addresses = addresses_of(host_of(uri))
     is_here = any(map(is_own, addresses))
-    problem: Exception = socket.gaierror()
-    if addresses:
-        try:
-            system.pids[node] = int(ask(uri, "getPid"))
-            system.here.update({node} if is_here else ())
-            return None
-        except (OSError, LookupError) as error:
-            problem = error
-    reason = reason_of(problem)
+    try:
+        system.pids[node] = int(ask(uri, "getPid"))
+        system.here.update({node} if is_here else ())
+        return None
+    except (OSError, LookupError) as error:
+        reason = reason_of(error)
     # Dead nodes outside the pipeline do no harm.
     if addresses and not _is_in_pipeline(system, node):
         return None
-    if addresses and is_here and (system.master_is_here or not are_loopback(addresses)):
-        place = f"{node} is registered at {uri}, but"
-        if isinstance(problem, TimeoutError):
-            message = (
-                f"{place} does not respond ({reason}): it hangs, or was "
-                "stopped with Ctrl-Z."
-            )
-            process = f"$(fuser -n tcp {port} 2>/dev/null)"
-            fix = f"kill -CONT {process}  # if it still hangs: kill -9"
-            return Fault("hung_node", message, fix)
-        message = f"{place} nothing answers there: {reason}."
+    message = f"{node} does not answer at its registered address {uri}: {reason}."
+    if is_here and (system.master_is_here or not are_loopback(addresses)):
         return Fault("dead_node", message, "yes | rosnode cleanup")
-    if is_here:
-        reason = "that address means a different machine on each host"
-    elif addresses:
-        reason = f"{reason}: that is another machine, or the node has died"
-    return Fault(
-        "wrong_node_address",
-        f"{node} registered with the address {uri}, but {reason}.",
-        f"{OWN_IP}  # on its machine, in the shell that starts {node} again",
-    )
+    fix = f"{OWN_IP}  # on its machine, in the shell that starts {node} again"
+    return Fault("wrong_node_address", message, fix)
 
 
-def _is_in_pipeline(system: System, node: str) -> bool:
+def _is_in_pipeline(system: RunningSystem, node: str) -> bool:
     """Return whether a node is part of the pipeline from simulator to TF."""
     names = {
         name.rpartition("/")[2]
@@ -665,7 +249,7 @@ def _is_in_pipeline(system: System, node: str) -> bool:
     return bool(names & PIPELINE) or any(t.endswith(f"/{STATES}") for t in heard)
 
 
-def check_description(system: System) -> Fault | str:
+def check_description(system: RunningSystem) -> Fault | str:
     """Read the robot of the parameter server."""
     from g1_description.errors import G1DescriptionError
     from g1_description.robot.urdf import parse_urdf
@@ -676,7 +260,7 @@ def check_description(system: System) -> Fault | str:
     places = [name] if name.startswith("/") else places
     found = ((place, system.parameter(place)) for place in places)
     place, text = next((pair for pair in found if pair[1] is not None), ("", ""))
-    fix = system.launch("display.launch")
+    fix = _launch(system, "display.launch")
     if system.simulators:  # launch files refuse to start a second one
         fix = (
             "rosrun g1_description absolute_urdf.py '' > /tmp/robot.urdf && "
@@ -694,9 +278,9 @@ def check_description(system: System) -> Fault | str:
     return f"{place}: {len(system.description.movable_joints)} joints"
 
 
-def check_meshes(system: System) -> Fault | str:
+def check_meshes(system: RunningSystem) -> Fault | str:
     """Look for the meshes, if the simulator or a viewer runs on this machine."""
-    from g1_description.files.model_files import find_folder, share_folder
+    from g1_description.files.model_files import find_folder
     from g1_description.files.uris import local_path
 
     if system.simulators and not {*system.simulators, *system.viewers} & system.here:
@@ -707,65 +291,58 @@ def check_meshes(system: System) -> Fault | str:
     lost = [name for name in names if local_path(name, find_folder) is None]
     if not lost:
         return f"{len(names)} files"
-    message = f"Meshes of the robot in {system.place} are missing on this machine: "
-    fix = meshes_fix(lost, str(share_folder()), system.launch("display.launch"))
-    return Fault("missing_meshes", f"{message}{listed(lost)}.", fix)
+    fix = f"{_launch(system, 'display.launch')} model:=FILE"
+    return Fault(
+        "missing_meshes",
+        f"Meshes of the robot in {system.place} are missing on this machine: "
+        f"{listed(lost)}.",
+        f"{fix}  # FILE: a URDF whose meshes are found; or source their workspace",
+    )
 
 
-def meshes_fix(lost: Sequence[str], share: str, display: str) -> str:
-    """Return the command that restores meshes.
-
-    Args:
-        lost: Their names in the URDF.
-        share: This package's folder.
-        display: The command that starts the display.
-    """
-    scheme, _, path = lost[0].partition("://")
-    package = path.partition("/")[0]
-    if scheme == "package" and package != "g1_description":
-        return f"source ~/catkin_ws/devel/setup.bash  # the workspace with {package}"
-    if all(name.startswith(f"file://{share}/") for name in lost):
-        return f"git -C {share} checkout -- meshes"
-    return f"{display} model:=FILE  # FILE: a URDF whose meshes are found"
-
-
-def check_simulator(system: System) -> Fault | str:
+def check_simulator(system: RunningSystem) -> Fault | str:
     """Ask the simulator whether it is paused."""
     from gazebo_msgs.srv import GetPhysicsProperties
 
     if not system.simulators:
+        if "pybullet" in system.failed and not system.is_gazebo:
+            return _no_package(system, "pybullet")
         service = f"{system.gazebo}/set_model_configuration"
         message = f"No simulator is running: nothing provides {service}."
-        return Fault("no_simulator", message, system.launch("gazebo.launch"))
+        return Fault("no_simulator", message, _launch(system, "gazebo.launch"))
     service = f"{system.gazebo}/get_physics_properties"
     try:
         system.is_paused = bool(call(service, GetPhysicsProperties).pause)
     except OSError:
-        return _hung_simulator(system, service)
+        return _silent_simulator(system, service)
     return listed(system.simulators)
 
 
-def _hung_simulator(system: System, service: str) -> Fault:
-    node = system.simulators[0]
-    message = f"{node} does not answer {service} within {WAIT:g} s."
-    return Fault("hung_simulator", message, _restart(system, node, "kill -9"))
+def _silent_simulator(system: RunningSystem, name: str) -> Fault:
+    """Return the fault of a simulator without an answer, or a message, of a name."""
+    return _silent("silent_simulator", system.simulators[0], name, _restart(system))
 
 
-def _restart(system: System, node: str, kill: str = "kill") -> str:
-    """Return the command that restarts a simulator.
+def _restart(system: RunningSystem) -> str:
+    """Return the command that restarts the simulator.
 
     Launch files refuse to start a second one, and rosnode cannot kill the real Gazebo.
     """
-    launch = system.launch("gazebo.launch")
-    return f"{kill} {system.pids[node]}  # on its machine; then: {launch}"
+    pid, launch = system.pids[system.simulators[0]], _launch(system, "gazebo.launch")
+    return f"kill -9 {pid}  # on its machine; then: {launch}"
 
 
-def _silent(name: str, node: str, topic: str, fix: str) -> Fault:
-    message = f"{node} runs, but there was no message on {topic} within {WAIT:g} s."
+def _launch(system: RunningSystem, file: str) -> str:
+    """Return the command that starts a launch file, with the simulator in use."""
+    return f"roslaunch g1_description {file}{' sim:=gazebo' * system.is_gazebo}"
+
+
+def _silent(name: str, node: str, what: str, fix: str) -> Fault:
+    message = f"{node} runs, but nothing came from {what} within {WAIT:g} s."
     return Fault(name, message, fix)
 
 
-def check_clock(system: System) -> Fault | str:
+def check_clock(system: RunningSystem) -> Fault | str:
     """Look for the node that publishes the time."""
     if not system.parameter("/use_sim_time", False):
         return "not needed, /use_sim_time is false"
@@ -783,7 +360,7 @@ def check_clock(system: System) -> Fault | str:
     return several("two_clocks", nodes, system.simulators, message) or listed(nodes)
 
 
-def check_time(system: System) -> Fault | str:
+def check_time(system: RunningSystem) -> Fault | str:
     """Wait for the time."""
     from rosgraph_msgs.msg import Clock
 
@@ -795,24 +372,18 @@ def check_time(system: System) -> Fault | str:
         )
     nodes = system.publishers["/clock"]
     if nodes and first_message("/clock", Clock) is None:
-        fix = _restart(system, nodes[0])
-        return _silent("silent_clock", nodes[0], "/clock", fix)
+        return _silent("silent_clock", nodes[0], "/clock", _restart(system))
     return "runs"
 
 
-def check_link_states(system: System) -> Fault | str:
+def check_link_states(system: RunningSystem) -> Fault | str:
     """Wait for the simulator's link states."""
     from gazebo_msgs.msg import LinkStates
 
     topic = f"{system.gazebo}/link_states"
-    nodes = system.publishers[topic]
-    if not nodes:
-        node = system.simulators[0]
-        message = f"{node} runs, but nothing publishes {topic}, which the bridge needs."
-        return Fault("no_link_states", message, _restart(system, node))
     message = first_message(topic, LinkStates)
     if message is None:
-        return _silent("silent_simulator", nodes[0], topic, _restart(system, nodes[0]))
+        return _silent_simulator(system, topic)
     system.links = _links(message)
     return f"{len(message.name)} links"
 
@@ -828,13 +399,11 @@ def _links(message: Any) -> tuple[list[str], np.ndarray]:
     return list(message.name), np.array(rows).reshape(-1, 7)
 
 
-def check_bridge(system: System) -> Fault | str:
+def check_bridge(system: RunningSystem) -> Fault | str:
     """Look for the bridge of the namespace."""
     topic, bridges = system.topic(STATES), system.bridges
     if bridges:
-        nodes = listed(bridges)
-        message = f"Several bridges publish {topic}: {nodes}."
-        return several("two_bridges", bridges, [BRIDGE], message) or bridges[0]
+        return bridges[0]
     fix, others = "roslaunch g1_description bridge.launch", ""
     spaces = sorted(space for space, nodes in system.all_bridges.items() if nodes)
     if spaces:
@@ -844,7 +413,7 @@ def check_bridge(system: System) -> Fault | str:
     return Fault("no_bridge", message, fix)
 
 
-def check_model(system: System) -> Fault | str:
+def check_model(system: RunningSystem) -> Fault | str:
     """Ask the simulator for the bridge's model."""
     from gazebo_msgs.srv import GetWorldProperties
 
@@ -854,7 +423,7 @@ def check_model(system: System) -> Fault | str:
     try:
         models = list(call(service, GetWorldProperties).model_names)
     except OSError:
-        return _hung_simulator(system, service)
+        return _silent_simulator(system, service)
     name, bridge = system.robot.name, system.bridges[0]
     if name.partition(SCOPE)[0] in models:
         return name
@@ -875,7 +444,7 @@ def check_model(system: System) -> Fault | str:
     )
 
 
-def _spawn(system: System) -> str:
+def _spawn(system: RunningSystem) -> str:
     """Return the command that spawns the robot on its feet."""
     return (
         f"rosrun g1_description spawn_robot.py _robot_description:={system.place} "
@@ -883,7 +452,7 @@ def _spawn(system: System) -> str:
     )
 
 
-def check_urdf(system: System) -> Fault | str:
+def check_urdf(system: RunningSystem) -> Fault | str:
     """Compare the model with the description."""
     from gazebo_msgs.msg import LinkStates
 
@@ -960,13 +529,13 @@ def difference(
     return f"the axes of {joints} differ" if joints else ""
 
 
-def check_joint_states(system: System) -> Fault | str:
+def check_joint_states(system: RunningSystem) -> Fault | str:
     """Wait for the joint states."""
     from sensor_msgs.msg import JointState
 
     topic = system.topic("joint_states")
     nodes = system.publishers[topic]
-    own = system.bridges or nodes[:1]
+    own = [*system.bridges, *nodes][:1]
     publishers = f"Several nodes publish {topic}, {listed(nodes)}"
     message = f"{publishers}; only {listed(own)} should."
     two = several("two_joint_states", nodes, own, message)
@@ -979,7 +548,7 @@ def check_joint_states(system: System) -> Fault | str:
     return f"{len(message.name)} joints"
 
 
-def check_state_publisher(system: System) -> Fault | str:
+def check_state_publisher(system: RunningSystem) -> Fault | str:
     """Look for the robot_state_publisher."""
     others = system.publishers["/tf"] if system.source else []
     if not system.state_publishers and others:  # such as a bag
@@ -987,12 +556,12 @@ def check_state_publisher(system: System) -> Fault | str:
     return listed(system.state_publishers) or _no_state_publisher(system)
 
 
-def _no_state_publisher(system: System) -> Fault:
+def _no_state_publisher(system: RunningSystem) -> Fault:
     message = f"No robot_state_publisher subscribes to {system.tf_input}."
     return Fault("no_state_publisher", message, _start_state_publisher(system))
 
 
-def _start_state_publisher(system: System) -> str:
+def _start_state_publisher(system: RunningSystem) -> str:
     """Return the command that starts a robot_state_publisher."""
     namespace = f" __ns:={system.namespace}" if system.namespace else ""
     return (
@@ -1003,7 +572,7 @@ def _start_state_publisher(system: System) -> str:
     )
 
 
-def check_tf(system: System) -> Fault | str:
+def check_tf(system: RunningSystem) -> Fault | str:
     """Listen to TF."""
     from tf2_msgs.msg import TFMessage
 
@@ -1081,7 +650,7 @@ def two_tf_owners(
     return None
 
 
-def check_diagnostics(system: System) -> Fault | str:
+def check_diagnostics(system: RunningSystem) -> Fault | str:
     """Wait for a good report of the bridge; a bad one may be temporary."""
     from diagnostic_msgs.msg import DiagnosticArray
 
@@ -1094,11 +663,9 @@ def check_diagnostics(system: System) -> Fault | str:
     found = reports(heard)
     if "" in found:
         return node
-    if not found:
-        return _silent("no_diagnostics", node, topic, f"rosnode kill {node}{AGAIN}")
+    report = found[-1] if found else f"nothing within {WAIT:g} s"
     fix = f"rostopic echo {topic}  # the report with all figures"
-    message = f"{node} reports on {topic}: {found[-1]}."
-    return Fault("bad_diagnostics", message, fix)
+    return Fault("bad_diagnostics", f"{node} reports on {topic}: {report}.", fix)
 
 
 def bad_status(statuses: Iterable[Any]) -> str:
@@ -1109,7 +676,7 @@ def bad_status(statuses: Iterable[Any]) -> str:
     return ""
 
 
-def check_picture(system: System) -> Fault | str:
+def check_picture(system: RunningSystem) -> Fault | str:
     """Look for RViz or the browser view."""
     if system.viewers:
         return listed(system.viewers)
@@ -1122,7 +689,7 @@ def check_picture(system: System) -> Fault | str:
     )
 
 
-CHECKS: list[tuple[str, str, Callable[[System], Fault | str]]] = [
+CHECKS: list[tuple[str, str, Callable[[RunningSystem], Fault | str]]] = [
     ("python", "Python of ROS and sourced workspace", check_python),
     ("packages", "Python packages of the nodes", check_packages),
     ("master", "answer of the master", check_master),
@@ -1134,7 +701,7 @@ CHECKS: list[tuple[str, str, Callable[[System], Fault | str]]] = [
     ("clock", "one publisher of the time", check_clock),
     ("time", "advance of simulated time", check_time),
     ("link_states", "link states from the simulator", check_link_states),
-    ("bridge", "one bridge from link states to joint states", check_bridge),
+    ("bridge", "bridge from link states to joint states", check_bridge),
     ("model", "the bridge's model in the simulator", check_model),
     ("urdf", "agreement of the model with robot_description", check_urdf),
     ("joint_states", "one publisher of joint states", check_joint_states),
@@ -1170,7 +737,7 @@ def run_checks(namespace: str, names: Sequence[str]) -> Iterator[Result]:
     Raises:
         KeyboardInterrupt: If a signal has shut the node down.
     """
-    system = System(namespace)
+    system = RunningSystem(namespace)
     checks = iter([check for check in CHECKS if check[0] in names])
     for name, about, check in checks:
         try:

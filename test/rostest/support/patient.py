@@ -9,11 +9,10 @@ from contextlib import ExitStack
 
 import rosgraph
 import roslib.packages
-from diagnostic_msgs.msg import DiagnosticArray
 
 from g1_description.cli.doctor import CHECK_NAMES, FAILED, OK, run_checks
 
-from .ros_testing import DEADLINE, Connected, program, wait_slowly
+from .ros_testing import DEADLINE, program, wait_slowly
 
 
 def publishers(topic):
@@ -98,7 +97,6 @@ class Patient:
             self._parts = {}
             stack.callback(self._end)
             self.heal()
-            self.diagnostics = Connected("/diagnostics", DiagnosticArray)
             self._stack = stack.pop_all()
 
     def start(self, part, *arguments):
@@ -123,7 +121,6 @@ class Patient:
 
     def close(self):
         """End all."""
-        self.diagnostics.close()
         self._stack.close()
 
     def _end(self):
@@ -132,14 +129,14 @@ class Patient:
             self.stop(part)
 
 
-def walk(until="diagnostics", namespace=""):
+def walk(until="diagnostics"):
     """Walk from the master to a link; check that one at most is broken.
 
     Returns:
         The fault, None if all is whole.
     """
     names = CHECK_NAMES[CHECK_NAMES.index("master") : CHECK_NAMES.index(until) + 1]
-    found = list(run_checks(namespace, names))
+    found = list(run_checks("", names))
     broken = [one for one in found if one.state == FAILED]
     assert len(broken) <= 1 and [one.name for one in found] == names
     if broken:
