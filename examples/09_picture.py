@@ -1,4 +1,4 @@
-"""Draw a motion: a contact sheet, and an animation; no screen is needed."""
+"""Draw a motion: a picture of one time, and an animation; no screen is needed."""
 
 import subprocess
 from pathlib import Path
@@ -8,7 +8,7 @@ SNAPSHOT = ["rosrun", "g1_description", "snapshot"]
 
 with TemporaryDirectory() as folder:
     for name, options in {
-        "squat.png": "--times 0,1.4,2.8 --view side --size 900x400",
+        "squat.png": "--time 2.8 --view side --size 400x400",
         "squat.gif": "--size 160x120 --fps 5",
     }.items():
         file = Path(folder, name)

@@ -77,14 +77,6 @@ def arm(tmp_path_factory):
 
 
 @pytest.mark.parametrize(
-    ("n", "ratio", "columns"),
-    [(1, 1.3, 1), (3, 1.3, 3), (4, 1.3, 2), (6, 1.3, 3), (4, 3.0, 4), (4, 0.2, 1)],
-)
-def test_a_sheet_has_as_little_empty_room_as_fits(n, ratio, columns):
-    assert command.columns_of(n, ratio) == columns
-
-
-@pytest.mark.parametrize(
     ("arguments", "words"),
     [
         (["a.jpg"], "must end in .png"),
@@ -95,7 +87,7 @@ def test_a_sheet_has_as_little_empty_room_as_fits(n, ratio, columns):
         (["a.png", "--view", "top"], "'front', 'side', 'back', 'iso'"),
         (["a.gif", "--gif", "--seconds", "0"], "--seconds must be greater than 0"),
         (["a.gif", "--gif", "--fps", "31"], "--fps must be greater than 0 and at most"),
-        (["a.png", "--seconds", "3"], "--seconds and --fps need an animation"),
+        (["a.png", "--seconds", "3"], "--seconds does not apply to a picture"),
         (["a.png", "--joints", "a"], "must be like a=1.2,b=-0.3 (got 'a')"),
         (["a.png"], "No ROS master at http://localhost:9; start a robot"),
         (["a.png", "--model", "nowhere.urdf"], "Cannot use the model nowhere.urdf"),
@@ -103,33 +95,29 @@ def test_a_sheet_has_as_little_empty_room_as_fits(n, ratio, columns):
         (["a.png", "--motion", "no.csv"], "no.csv does not exist."),
         (["a.png", "--motion", MOTION, "--model", TREE], "none of the motion's joints"),
         (
-            ["a.png", "--motion", MOTION, "--times", "0,9"],
-            "--times 9 is outside the motion",
+            ["a.png", "--motion", MOTION, "--time", "9"],
+            "--time 9 is outside the motion",
         ),
-        (["a.png", "--motion", MOTION, "--times", "0,x"], "must be a number (got 'x')"),
-        (["a.gif", "--motion", MOTION, "--times", "0"], "--times needs a picture"),
+        (["a.png", "--motion", MOTION, "--time", "x"], "must be a number (got 'x')"),
+        (["a.gif", "--motion", MOTION, "--time", "0"], "--time does not apply to an a"),
         (
             ["a.png", "--motion", MOTION, "--motion-fps", "0"],
             "-fps: must be greater than 0",
         ),
         (
-            ["a.png", "--times", "0"],
-            "--times and options that begin with --motion- need --motion",
+            ["a.png", "--model", "arm", "--motion-fps", "30"],
+            "--motion-fps does not apply to --model",
         ),
         (["a.mp4", "--motion", MOTION, "--size", "65x48"], "--size must be even"),
-        (
-            ["a.html", "--motion", MOTION, "--times", "0"],
-            "--size and --times need a pi",
-        ),
-        (["a.html", "--size", "64x48"], "--size and --times need a picture or an anim"),
-        (["a.html", "--seconds", "3"], "--seconds and --fps need an animation"),
+        (["a.html", "--size", "64x48"], "--size does not apply to a page"),
+        (["a.png", "--joints", "a=1"], "--joints does not apply to running robots"),
         (
             ["a.html", "--namespace", "a", "--namespace", "b"],
             "a page shows one robot: --namespace cannot be repeated",
         ),
         (
             ["a.gif", "--motion", MOTION, "--namespace", "a"],
-            "--namespace cannot be combined",
+            "--namespace does not apply to --motion",
         ),
         (
             ["a.png", "--model", OURS, "--joints", "left_elbow=1"],
@@ -189,23 +177,16 @@ def test_a_page_shows_a_configuration_or_a_motion(tmp_path, snapshot, arm, capsy
     assert content()[1] == [0.5] * len(motion.times)
 
 
-def test_moments_of_a_motion_of_the_g1_stand_side_by_side(tmp_path, snapshot, capsys):
+def test_a_picture_shows_a_motion_of_the_g1_at_one_time(tmp_path, snapshot, capsys):
     """It walks by 0.5 m and bends an elbow."""
-    out = tmp_path / "sheet.png"
-    wanted = ("--times", "0,0.5,1", "--size", "360x160", "--view", "front")
-    snapshot(out, "--motion", MOTION, *wanted)
-    assert capsys.readouterr().out == f"{out}: 3 moments, front\n"
-    sheet = np.array(Image.open(out)).astype(int)
-    assert sheet.shape == (160, 360, 3)
-    first, second, third = np.split(sheet, 3, axis=1)
-    for one, other in ((first, second), (second, third)):
-        assert (np.abs(one - other).max(axis=2) > 30).sum() > 50
-
-
-def test_a_sheet_without_times_has_six_moments(tmp_path, snapshot, arm, capsys):
-    out = tmp_path / "sheet.png"
-    snapshot(out, "--motion", MOTION, "--model", arm, "--size", "360x160")
-    assert capsys.readouterr().out.startswith(f"{out}: 6 moments, ")
+    out, pictures = tmp_path / "a.png", []
+    for time in ([], ["--time", "0"], ["--time", "1"]):
+        snapshot(out, "--motion", MOTION, *time, "--size", "120x160", "--view", "front")
+        assert capsys.readouterr().out == f"{out}: 120x160, front\n"
+        pictures.append(np.array(Image.open(out)).astype(int))
+    first, begin, end = pictures
+    np.testing.assert_array_equal(first, begin)
+    assert (np.abs(begin - end).max(axis=2) > 30).sum() > 50
 
 
 def test_a_motion_is_filmed_as_gif_and_mp4(tmp_path, snapshot, arm):

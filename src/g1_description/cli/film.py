@@ -73,23 +73,6 @@ def write_picture(path: Path, picture: np.ndarray) -> None:
     write_whole(path, content.getvalue())
 
 
-def side_by_side(pictures: Sequence[np.ndarray], columns: int) -> np.ndarray:
-    """Join pictures of one size in rows.
-
-    Args:
-        pictures: As uint8, shape (height, width, 3) each.
-        columns: Number of pictures in a row.
-
-    Returns:
-        The joined picture, white where there is none, shape (n_rows height, columns
-        width, 3).
-    """
-    blank = np.full_like(pictures[0], 255)
-    rows = [list(pictures[k : k + columns]) for k in range(0, len(pictures), columns)]
-    rows[-1] += [blank] * (columns - len(rows[-1]))
-    return np.concatenate([np.concatenate(row, axis=1) for row in rows])
-
-
 def palette_of(pictures: Sequence[np.ndarray]) -> Image.Image:
     """Choose the palette of a GIF.
 

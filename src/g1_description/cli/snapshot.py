@@ -8,7 +8,6 @@ Reads: robot_description. With --model or --motion, ROS is not used.
 from __future__ import annotations
 
 import argparse
-import math
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -31,7 +30,6 @@ from g1_description.cli.film import (
     now,
     placed,
     record,
-    side_by_side,
     write_film,
     write_picture,
     write_video,
@@ -45,7 +43,7 @@ from g1_description.errors import (
 )
 from g1_description.files.atomic import write_whole
 from g1_description.motion.files.formats import read_motion
-from g1_description.motion.motion import Motion, sample
+from g1_description.motion.motion import Motion, configuration, sample
 from g1_description.render.camera import VIEWS, Camera, framing
 from g1_description.render.page import motion_page
 from g1_description.render.picture import draw
@@ -70,9 +68,6 @@ BASE_TIMEOUT = 2.0
 """Longest wait for the base once the joints are known, in [s]."""
 
 PAGE = ".html"
-
-MAX_TIMES = 60
-"""Largest number of pictures of a contact sheet."""
 
 
 def size(text: str) -> tuple[int, int]:
@@ -99,14 +94,21 @@ def joints(text: str) -> dict[str, float]:
     return {name.strip(): number(position) for name, _, position in pairs}
 
 
-def times(text: str) -> list[float]:
-    """Read times of a motion, in [s]."""
-    found = [number(part) for part in text.split(",")]
-    if len(found) > MAX_TIMES:
-        raise argparse.ArgumentTypeError(
-            f"a contact sheet has at most {MAX_TIMES} pictures"
-        )
-    return found
+PICTURE, ANIMATION, RUNNING = "a picture", "an animation", "running robots"
+
+EXCLUDED = {
+    "size": {"a page"},
+    "seconds": {PICTURE, "a page"},
+    "fps": {PICTURE, "a page"},
+    "time": {ANIMATION, "a page", RUNNING, "--model"},
+    "namespace": {"--model", "--motion"},
+    "joints": {RUNNING},
+    **dict.fromkeys(
+        ("motion_fps", "motion_topic", "motion_order", "motion_format"),
+        frozenset({RUNNING, "--model"}),
+    ),
+}
+"""Options, and the outputs and robots to which they do not apply."""
 
 
 @dataclass
@@ -131,7 +133,7 @@ class SnapshotOptions:
         shown="1280x960, for animations 640x480",
     )
     joints: dict[str, float] = option(
-        "positions of joints in rad or m instead of the published ones, such as "
+        "positions of joints in rad or m, with --model or --motion, such as "
         "a=1.2,b=-0.3",
         None,
         joints,
@@ -150,7 +152,7 @@ class SnapshotOptions:
     )
     motion: Path | None = option(
         "draw the motion in this file (CSV, npz, pickle, bag, YAML of a trajectory) "
-        "without a master: an animation, or a contact sheet",
+        "without a master",
         None,
         options.motion_file,
         metavar="FILE",
@@ -159,11 +161,8 @@ class SnapshotOptions:
     motion_topic: str | None = options.topic()
     motion_order: str | None = options.order()
     motion_format: str | None = options.file_format()
-    times: list[float] | None = option(
-        "times of the motion in s that a contact sheet shows, such as 0,1.5,3",
-        None,
-        times,
-        shown="six",
+    time: float | None = option(
+        "time of the motion that a picture shows [s]", None, number, shown="its begin"
     )
     gif: bool = option("write an animation; implied by .gif and .mp4", False)
     seconds: float | None = option(
@@ -183,9 +182,12 @@ class SnapshotOptions:
             InvalidValueError: If options contradict each other, the file cannot be
                 written, or an animation would be too long.
         """
-        self.is_film = self.gif or self.out.suffix.lower() in FILMS
-        self.is_page = self.out.suffix.lower() == PAGE
+        ending = self.out.suffix.lower()
+        self.is_film = self.gif or ending in FILMS
+        self.is_page = ending == PAGE
         self._check()
+        if ending == ".mp4" and any(side % 2 for side in self.size or ()):
+            raise InvalidValueError("for .mp4, both numbers of --size must be even")
         if self.seconds is None and not self.motion:
             self.seconds = 5.0
         self.joints = self.joints or {}
@@ -197,46 +199,20 @@ class SnapshotOptions:
             check_length(seconds, self.fps, self.size)
 
     def _check(self) -> None:
-        """Check combinations of options."""
-        of_motion = (self.motion_fps, self.motion_topic, self.times)
-        of_motion += (self.motion_order, self.motion_format)
-        is_odd = any(side % 2 for side in self.size or ())
-        wrong = {
-            "an animation of --model needs --motion": (
-                self.model and self.is_film and not self.motion
-            ),
-            "--namespace cannot be combined with --model or --motion": (
-                (self.model or self.motion) and self.namespace
-            ),
-            "--joints cannot be combined with several --namespace": (
-                self.joints and len(self.namespace or []) > 1
-            ),
-            "--seconds and --fps need an animation": (
-                not self.is_film and (self.seconds, self.fps) != (None, None)
-            ),
-            "--times and options that begin with --motion- need --motion": (
-                not self.motion and any(value is not None for value in of_motion)
-            ),
-            "--times needs a picture, not an animation": (
-                self.times is not None and self.is_film
-            ),
-            "--size and --times need a picture or an animation, not a page": (
-                self.is_page and (self.size, self.times) != (None, None)
-            ),
-            "a page shows one robot: --namespace cannot be repeated": (
-                self.is_page and len(self.namespace or []) > 1
-            ),
-            "for .mp4, both numbers of --size must be even": (
-                self.out.suffix.lower() == ".mp4" and is_odd
-            ),
-        }
-        for sentence, holds in wrong.items():
-            if holds:
-                raise InvalidValueError(sentence)
-
-
-PORTRAIT = 0.75
-"""Preferred aspect ratio of the pictures on a contact sheet."""
+        """Check that options apply to the output, and to what it shows."""
+        output = ANIMATION if self.is_film else "a page" if self.is_page else PICTURE
+        shown = "--motion" if self.motion else "--model" if self.model else RUNNING
+        for name, uses in EXCLUDED.items():
+            for one in (output, shown):
+                if getattr(self, name) is not None and one in uses:
+                    flag = f"--{name.replace('_', '-')}"
+                    raise InvalidValueError(f"{flag} does not apply to {one}")
+        if self.is_film and shown == "--model":
+            raise InvalidValueError("an animation of --model needs --motion")
+        if self.is_page and len(self.namespace or []) > 1:
+            raise InvalidValueError(
+                "a page shows one robot: --namespace cannot be repeated"
+            )
 
 
 def notify(sentence: str) -> None:
@@ -310,92 +286,109 @@ def place(scene: Scene, moment: Sequence[PlacedRobot]) -> None:
         scene.place(robot, IDENTITY if root is None else root, positions)
 
 
-def write(
-    scene: Scene, moments: Sequence[Sequence[PlacedRobot]], args: SnapshotOptions
+def draw_all(
+    robots: Sequence[Description],
+    moments: Sequence[Sequence[PlacedRobot]],
+    args: SnapshotOptions,
 ) -> None:
-    """Draw and write the output file.
+    """Draw robots, and write a picture or an animation.
+
+    Args:
+        robots: The robots.
+        moments: All of them in each picture.
+        args: The options.
 
     Raises:
         KeyboardInterrupt: If the node was shut down meanwhile; nothing is written.
     """
-    if args.motion and not args.is_film:
-        write_picture(args.out, sheet(scene, moments, args))
-        print(f"{args.out}: {len(moments)} moments, {args.view}")
-        return
-    camera, floor = frame(scene, moments, args.view, args.size)
+    with Scene() as scene:
+        for robot in robots:
+            load(scene, robot)
+        camera, floor = frame(scene, moments, args.view, args.size)
 
-    def picture(n: int) -> np.ndarray:
-        place(scene, moments[n])
-        return draw(scene, camera, *args.size, floor)
+        def picture(n: int) -> np.ndarray:
+            place(scene, moments[n])
+            return draw(scene, camera, *args.size, floor)
 
-    if args.out.suffix.lower() == ".mp4":
-        write_video(args.out, drawn(len(moments), picture), args.size, args.fps)
-    elif args.is_film:
-        write_film(args.out, film(len(moments), picture), args.fps)
-    else:
-        pixels = picture(0)
-        if rospy.is_shutdown():
-            raise KeyboardInterrupt
-        write_picture(args.out, pixels)
+        if args.out.suffix.lower() == ".mp4":
+            write_video(args.out, drawn(len(moments), picture), args.size, args.fps)
+        elif args.is_film:
+            write_film(args.out, film(len(moments), picture), args.fps)
+        else:
+            pixels = picture(0)
+            if rospy.is_shutdown():
+                raise KeyboardInterrupt
+            write_picture(args.out, pixels)
     print(f"{args.out}: {'x'.join(map(str, args.size))}, {args.view}")
 
 
-def sheet(
-    scene: Scene, moments: Sequence[Sequence[PlacedRobot]], args: SnapshotOptions
-) -> np.ndarray:
-    """Draw a contact sheet: the robot centred in each picture, all at one scale."""
-    n, (width, height) = len(moments), args.size
-    columns = columns_of(n, width / height)
-    n_rows = -(-n // columns)
-    size = max(SIDES[0], width // columns), max(SIDES[0], height // n_rows)
-    views = [frame(scene, [moment], args.view, size) for moment in moments]
-    widest = max((camera for camera, _ in views), key=lambda camera: camera.width)
-
-    def picture(number: int) -> np.ndarray:
-        place(scene, moments[number])
-        camera, floor = views[number]
-        camera = replace(camera, width=widest.width, distance=widest.distance)
-        return draw(scene, camera, *size, floor)
-
-    return side_by_side(list(drawn(len(moments), picture)), columns)
-
-
-def columns_of(n: int, ratio: float) -> int:
-    """Choose the number of columns of a contact sheet.
-
-    Args:
-        n: Number of pictures.
-        ratio: Aspect ratio of the sheet.
-    """
-    ideal = (n * ratio / PORTRAIT) ** 0.5
-
-    def loss(columns: int) -> float:
-        n_empty = -n % columns
-        return abs(math.log(columns / ideal)) + n_empty / n
-
-    return min(range(1, n + 1), key=loss)
-
-
-SHEET = 6
-"""Default number of pictures of a contact sheet."""
-
-
-def drawn_motion(
-    args: SnapshotOptions, description: Description, motion: Motion
-) -> list[list[PlacedRobot]]:
-    """Place the robot of a motion in each picture.
+def draw_now(args: SnapshotOptions) -> None:
+    """Draw the running robots.
 
     Raises:
-        InvalidValueError: If a time is outside the motion, or the animation is too
-            long.
+        NoAnswerError: If there is no master, or no states of a robot.
     """
+    draw_all(*watch_now(args), args)
+
+
+def draw_file(args: SnapshotOptions) -> None:
+    """Draw a motion, or a robot at its zero pose, from files.
+
+    Raises:
+        G1DescriptionError: If a file cannot be read, or an option does not fit it.
+    """
+    robot, motion = read_files(args)
     found = sample(motion, _times(args, motion))
     bases = found.base_poses
     rows = [dict(zip(motion.joint_names, row)) for row in found.positions.tolist()]
-    return [
-        [placed(description, None if bases is None else bases[number], row)]
+    moments = [
+        [placed(robot, None if bases is None else bases[number], row)]
         for number, row in enumerate(rows)
     ]
+    draw_all([robot], moments, args)
+
+
+def write_page(args: SnapshotOptions) -> None:
+    """Write a page in three dimensions, of files or of a running robot.
+
+    Raises:
+        G1DescriptionError: As for ``draw_file`` and ``draw_now``.
+    """
+    if args.model or args.motion:
+        robot, motion = read_files(args)
+    else:
+        robots, moments = watch_now(args)
+        robot, motion = robots[0], motion_of(robots[0], moments[0][0])
+    name = args.motion.name if args.motion else robot.name
+    text = motion_page(robot, motion, name=name)
+    # File names may contain bytes that are not text.
+    write_whole(args.out, text.encode("utf-8", "backslashreplace"))
+    n = len(motion.times)
+    print(f"{args.out}: {n} samples" if n > 1 else f"{args.out}: one configuration")
+
+
+def read_files(args: SnapshotOptions) -> tuple[Description, Motion]:
+    """Read a robot and its motion; without one, its zero pose is the only sample.
+
+    Raises:
+        G1DescriptionError: If a file cannot be read, or an option does not fit it.
+    """
+    robot = read_description(args.model or DEFAULT)
+    check_joints(args.joints, robot)
+    zero = dict.fromkeys([joint.name for joint in robot.movable_joints], 0.0)
+    if not args.motion:
+        return robot, configuration({**zero, **args.joints}, None)
+    motion = read_motion(
+        args.motion,
+        robot,
+        args.motion_fps,
+        args.motion_topic,
+        args.motion_order,
+        args.motion_format,
+    )
+    for note in motion.notes:
+        notify(note)
+    return robot, with_joints(motion, args.joints)
 
 
 def _times(args: SnapshotOptions, motion: Motion) -> np.ndarray:
@@ -406,42 +399,12 @@ def _times(args: SnapshotOptions, motion: Motion) -> np.ndarray:
         seconds = whole if args.seconds is None else min(args.seconds, whole)
         check_length(seconds, args.fps, args.size)
         return begin + np.arange(count(seconds, args.fps)) / args.fps
-    if args.times is None:
-        return np.linspace(begin, end, SHEET if end > begin else 1)
-    wrong = [time for time in args.times if not begin <= time <= end]
-    if wrong:
+    time = begin if args.time is None else args.time
+    if not begin <= time <= end:
         raise InvalidValueError(
-            f"--times {wrong[0]:g} is outside the motion ({begin:g}-{end:g} s)."
+            f"--time {time:g} is outside the motion ({begin:g}-{end:g} s)."
         )
-    return np.array(args.times)
-
-
-def draw_file(args: SnapshotOptions) -> None:
-    """Draw a URDF file: a motion, or its zero pose with the given joints.
-
-    Raises:
-        MotionError: If the file cannot be read, or its motion does not fit the robot.
-    """
-    description = read_description(args.model or DEFAULT)
-    check_joints(args.joints, description)
-    zero = dict.fromkeys([joint.name for joint in description.movable_joints], 0.0)
-    moments: list[list[PlacedRobot]] = [[(None, zero)]]
-    if args.motion:
-        motion = read_motion(
-            args.motion,
-            description,
-            args.motion_fps,
-            args.motion_topic,
-            args.motion_order,
-            args.motion_format,
-        )
-        for note in motion.notes:
-            notify(note)
-        if args.is_page:
-            write_page(description, with_joints(motion, args.joints), args)
-            return
-        moments = drawn_motion(args, description, motion)
-    draw_all([description], moments, args)
+    return np.array([time])
 
 
 def with_joints(motion: Motion, positions: dict[str, float]) -> Motion:
@@ -457,50 +420,6 @@ def with_joints(motion: Motion, positions: dict[str, float]) -> Motion:
     return replace(motion, positions=held, velocities=velocities)
 
 
-def write_page(robot: Description, motion: Motion, args: SnapshotOptions) -> None:
-    """Write a page of a robot in three dimensions."""
-    name = args.motion.name if args.motion else robot.name
-    text = motion_page(robot, motion, name=name)
-    # File names may contain bytes that are not text.
-    write_whole(args.out, text.encode("utf-8", "backslashreplace"))
-    n = len(motion.times)
-    print(f"{args.out}: {n} samples" if n > 1 else f"{args.out}: one configuration")
-
-
-def draw_now(args: SnapshotOptions) -> None:
-    """Draw the running robots.
-
-    Raises:
-        NoAnswerError: If there is no master, or no states of a robot.
-    """
-    try:
-        descriptions, moments = watch_now(args)
-    except rospy.ROSInterruptException:
-        raise
-    except (OSError, rospy.ROSException, rosgraph.MasterException) as error:
-        raise NoAnswerError(f"lost the connection to the master: {error}.") from error
-    draw_all(descriptions, moments, args)
-
-
-def draw_all(
-    robots: Sequence[Description],
-    moments: Sequence[Sequence[PlacedRobot]],
-    args: SnapshotOptions,
-) -> None:
-    """Draw robots, with the given joints."""
-    moments = [
-        [(root, {**positions, **args.joints}) for root, positions in moment]
-        for moment in moments
-    ]
-    if args.is_page:
-        write_page(robots[0], motion_of(robots[0], moments[0][0]), args)
-        return
-    with Scene() as scene:
-        for robot in robots:
-            load(scene, robot)
-        write(scene, moments, args)
-
-
 def watch_now(
     args: SnapshotOptions,
 ) -> tuple[list[Description], list[list[PlacedRobot]]]:
@@ -510,21 +429,25 @@ def watch_now(
         The robots, and all of them in each picture.
 
     Raises:
-        NoAnswerError: If there is no master, or no states of a robot.
-        OSError: If the connection to the master is lost; also the errors of ROS.
+        NoAnswerError: If there is no master, it is lost, or no states of a robot.
     """
     if not rosgraph.is_master_online():
         raise NoAnswerError(f"{no_master()} --model FILE draws a file without one.")
-    start_node("snapshot", anonymous=True)
-    namespaces = args.namespace or [rospy.get_namespace()]
-    views = [RobotView(name.strip("/"), notify) for name in namespaces]
-    for view in views:
-        check_joints(args.joints, view.description)
-        wait_for(view)
-        report_unknown(view, args.joints)
-    moments = record(views, args.seconds, args.fps) if args.is_film else [now(views)]
-    for view in views:  # drawing needs the processor
-        view.close()
+    try:
+        start_node("snapshot", anonymous=True)
+        namespaces = args.namespace or [rospy.get_namespace()]
+        views = [RobotView(name.strip("/"), notify) for name in namespaces]
+        for view in views:
+            wait_for(view)
+            report_unknown(view)
+        films = args.is_film
+        moments = record(views, args.seconds, args.fps) if films else [now(views)]
+        for view in views:  # drawing needs the processor
+            view.close()
+    except rospy.ROSInterruptException:
+        raise
+    except (OSError, rospy.ROSException, rosgraph.MasterException) as error:
+        raise NoAnswerError(f"lost the connection to the master: {error}.") from error
     return [view.description for view in views], moments
 
 
@@ -550,12 +473,11 @@ def has_base(view: RobotView) -> bool:
     return state is not None and state.base_pose is not None
 
 
-def report_unknown(view: RobotView, requested: dict[str, float]) -> None:
+def report_unknown(view: RobotView) -> None:
     """Report joints and poses that are unknown."""
     name = view.description.name
-    missing = [joint for joint in view.missing if joint not in requested]
-    if missing:
-        notify(f"unknown positions of '{name}', drawn at 0: {', '.join(missing)}.")
+    if view.missing:
+        notify(f"unknown positions of '{name}', drawn at 0: {', '.join(view.missing)}.")
     if not has_base(view):
         notify(f"{view.no_base}: '{name}' is drawn with its root at the origin.")
 
@@ -564,7 +486,8 @@ def main() -> None:
     """Run the command, or exit with a message."""
     try:
         args = parse(SnapshotOptions, "snapshot", own_arguments())
-        (draw_file if args.model or args.motion else draw_now)(args)
+        draw_one = draw_file if args.model or args.motion else draw_now
+        (write_page if args.is_page else draw_one)(args)
     except G1DescriptionError as error:
         sys.exit(f"snapshot: {error}")
     except OSError as error:
