@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, Union
 
 import numpy as np
 
-from g1_description.bounds import NORM_TOLERANCE
 from g1_description.checks.thresholds import Thresholds
 from g1_description.errors import (
     DescriptionError,
@@ -24,9 +23,18 @@ from g1_description.files.atomic import write_whole
 from g1_description.motion.files.conventions import JOINT_ORDERS
 from g1_description.motion.files.formats import read_motion, write_motion
 from g1_description.motion.mirror import mirrored
-from g1_description.motion.motion import UNIT_TOLERANCE, Motion, fitted
+from g1_description.motion.motion import Motion, fitted
 from g1_description.motion.motors import motors_of, named_motors
 from g1_description.motion.paths import motion_path
+from g1_description.robot.arrays import (
+    JointValues,
+    as_array,
+    as_numbers,
+    as_poses,
+    check_names,
+    named_positions,
+    one_pose,
+)
 from g1_description.robot.assembly import WORLD, base_of, root_in_base
 from g1_description.robot.description import Description, Joint
 from g1_description.robot.dynamics import (
@@ -47,7 +55,7 @@ from g1_description.robot.poses import (
     read_poses,
 )
 from g1_description.robot.profile import DEFAULT, is_name
-from g1_description.robot.rotation import cross, normalized
+from g1_description.robot.rotation import cross
 from g1_description.robot.transform import IDENTITY, compose, inverse
 from g1_description.robot.urdf import parse_urdf
 from g1_description.sim.padding import padded
@@ -67,9 +75,6 @@ if TYPE_CHECKING:
     from g1_description.msg import RobotTrajectory
 
 Seed = Union[int, np.random.Generator, None]
-
-JointValues = Union["Mapping[str, Any]", "Sequence[Any]", np.ndarray]
-"""A dictionary by joint name, or an array in the order of the joints."""
 
 ThresholdValues = Union[Thresholds, "Mapping[str, Any]", str, "PathLike[str]", None]
 """A YAML file or its content; None: the defaults."""
@@ -352,7 +357,7 @@ class Robot:
         """
         from g1_description.ik.inverse_kinematics import IkOptions
 
-        own, kept = _numbers(times, "time"), IkOptions.of("ik_path", options)
+        own, kept = as_numbers(times, "time"), IkOptions.of("ik_path", options)
         begin, pose = self._start(start, base)
         return self._inverse_kinematics(kept.collisions).path(
             own, targets, begin, pose, kept
@@ -894,158 +899,6 @@ def _messages() -> Any:
             "workspace and use /usr/bin/python3."
         ) from error
     return motion_messages
-
-
-def as_array(
-    given: JointValues, joints: Sequence[str], rest: np.ndarray, what: str = "position"
-) -> np.ndarray:
-    """Arrange numbers in the order of a robot's joints.
-
-    Args:
-        given: An array of shape (..., n_joints), or a dictionary by joint of numbers or
-            arrays of shape (...).
-        joints: Names of the robot's movable joints.
-        rest: Numbers of joints that a dictionary does not contain, shape (n_joints,).
-        what: Meaning of the numbers, for messages.
-
-    Returns:
-        A new array, shape (..., n_joints).
-
-    Raises:
-        UnknownNameError: If a joint is unknown.
-        InvalidValueError: If shapes do not fit, or a number is not finite.
-    """
-    if isinstance(given, Mapping):
-        array = _from_names(given, joints, rest, what)
-    else:
-        array = _numbers(given, what)
-        if array.ndim == 0 or array.shape[-1] != len(joints):
-            raise InvalidValueError(
-                f"The last axis of the {what} array must have the {len(joints)} "
-                f"joints (got shape {array.shape})."
-            )
-    wrong = np.argwhere(~np.isfinite(array))
-    if len(wrong):
-        first = tuple(wrong[0])
-        raise InvalidValueError(
-            f"The {what} of {joints[first[-1]]} must be finite (got {array[first]})."
-        )
-    return array
-
-
-def check_names(names: Sequence[str], joints: Sequence[str]) -> None:
-    """Check names of joints.
-
-    Raises:
-        UnknownNameError: If one is unknown; the message suggests similar names.
-    """
-    unknown = [name for name in names if name not in joints]
-    if unknown:
-        known = listed(similar_first(unknown[0], joints)) or "none"
-        raise UnknownNameError(
-            f"Unknown movable joint {listed(unknown)}. Known joints: {known}."
-        )
-
-
-def _from_names(
-    given: Mapping[str, Any], joints: Sequence[str], rest: np.ndarray, what: str
-) -> np.ndarray:
-    """Arrange numbers that are given by name."""
-    check_names(list(given), joints)
-    columns = [joints.index(name) for name in given]
-    values = [_numbers(value, f"{what} of {name}") for name, value in given.items()]
-    try:
-        rows = np.broadcast_arrays(*values)
-    except ValueError as error:
-        shapes = listed(f"{name} {v.shape}" for name, v in zip(given, values))
-        raise InvalidValueError(
-            f"The shapes of each {what} do not match: {shapes}."
-        ) from error
-    array = np.empty((*(rows[0].shape if rows else ()), len(joints)))
-    array[...] = rest
-    for column, row in zip(columns, rows):
-        array[..., column] = row
-    return array
-
-
-def _numbers(given: Any, what: str) -> np.ndarray:
-    """Convert to a new array of numbers."""
-    try:
-        return np.array(given, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise InvalidValueError(
-            f"The {what} must be an array of numbers (got {str(given)[:80]})."
-        ) from error
-
-
-def as_poses(given: Any) -> np.ndarray:
-    """Check poses of the base.
-
-    Args:
-        given: x y z and quaternion x y z w, shape (..., 7).
-
-    Returns:
-        A new array of the same shape, with quaternions of unit length.
-
-    Raises:
-        InvalidValueError: If they are not poses.
-    """
-    try:
-        poses = np.array(given, dtype=float)
-    except (TypeError, ValueError):
-        poses = np.zeros(0)
-    if poses.shape[-1:] != (7,) or not np.isfinite(poses).all():
-        raise InvalidValueError(
-            "The base must be seven finite numbers, x y z and quaternion x y z w "
-            f"(got {str(given)[:80]})."
-        )
-    lengths = np.linalg.norm(poses[..., 3:], axis=-1)
-    errors = np.abs(lengths - 1.0)
-    if (errors > NORM_TOLERANCE).any():
-        raise InvalidValueError(
-            "The base quaternion must have length 1 (got "
-            f"{lengths.flat[int(np.argmax(errors))]:.6g})."
-        )
-    rounded = errors > UNIT_TOLERANCE
-    poses[rounded, 3:] = normalized(poses[rounded, 3:])
-    return poses
-
-
-def named_positions(
-    positions: JointValues | None, joints: Sequence[str]
-) -> tuple[tuple[str, ...], list[float]]:
-    """Convert positions to names and numbers.
-
-    Args:
-        positions: Of all joints as an array, or of some as a dictionary; None: of none.
-        joints: Names of the robot's joints.
-
-    Raises:
-        G1DescriptionError: If they are not a configuration of this robot.
-    """
-    if positions is None:
-        return (), []
-    array = as_array(positions, joints, np.zeros(len(joints)))
-    if array.ndim != 1:
-        raise InvalidValueError(
-            f"Positions must be a single configuration (got shape {array.shape})."
-        )
-    names = tuple(positions) if isinstance(positions, Mapping) else tuple(joints)
-    return names, [float(array[joints.index(name)]) for name in names]
-
-
-def one_pose(base: Any) -> np.ndarray:
-    """Check the pose of a base, shape (7,).
-
-    Raises:
-        InvalidValueError: If it is not a single pose.
-    """
-    pose = as_poses(base)
-    if pose.ndim != 1:
-        raise InvalidValueError(
-            f"The base must be a single pose (got shape {pose.shape})."
-        )
-    return pose
 
 
 def _described(model: str) -> Description:

@@ -17,6 +17,9 @@ MAX_PORT = 2**16 - 1
 NORM_TOLERANCE = 1e-3
 """Largest deviation of a unit quaternion's norm from 1."""
 
+UNIT_TOLERANCE = 1e-12
+"""Smaller deviations are kept; larger ones come from rounding."""
+
 
 def checked(
     what: str, numbers: Sequence[float], least: float = -MAX_VALUE

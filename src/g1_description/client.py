@@ -19,10 +19,15 @@ import numpy as np
 from gazebo_msgs.srv import GetPhysicsProperties
 from std_srvs.srv import Empty
 
-from g1_description.api import JointValues, check_names, named_positions, one_pose
 from g1_description.errors import InvalidValueError
 from g1_description.motion.history import CommandStream
 from g1_description.motion.motion import Motion
+from g1_description.robot.arrays import (
+    JointValues,
+    check_names,
+    named_positions,
+    one_pose,
+)
 from g1_description.robot.state import RobotState
 from g1_description.ros.connection import Connection
 from g1_description.ros.conversions import (

@@ -10,9 +10,10 @@ from typing import Any
 import rosgraph
 import rospy
 
-from g1_description.api import JointValues, Robot
+from g1_description.api import Robot
 from g1_description.errors import InvalidValueError
 from g1_description.msg import RobotTrajectory
+from g1_description.robot.arrays import JointValues
 from g1_description.ros.lifecycle import no_master
 from g1_description.ros.parameters import (
     DESCRIPTION,

@@ -12,11 +12,11 @@ import numpy as np
 import rospy
 from sensor_msgs.msg import JointState
 
-from g1_description.api import as_array
 from g1_description.collisions.self_collisions import SelfCollisions
 from g1_description.errors import G1DescriptionError, InvalidValueError
 from g1_description.ik.inverse_kinematics import IkOptions, InverseKinematics
 from g1_description.ik.solver import IkSolver
+from g1_description.robot.arrays import as_array
 from g1_description.robot.description import Description
 from g1_description.robot.poses import ZERO, Pose, pose_positions
 from g1_description.robot.state import RobotState

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from g1_description.bounds import MAX_VALUE, NORM_TOLERANCE
+from g1_description.bounds import MAX_VALUE, NORM_TOLERANCE, UNIT_TOLERANCE
 from g1_description.errors import InvalidValueError, MotionError, UnknownNameError
 from g1_description.robot.description import Description
 from g1_description.robot.rotation import multiply, normalized, rotate, shorter_turn
@@ -16,10 +16,6 @@ from g1_description.text import did_you_mean, listed, similar_first
 SINGLE_TIME = 0.1
 """Duration of the velocities of a single sample, in [s]: a stream of single samples has
 velocities, and when it stops the robot is at rest."""
-
-UNIT_TOLERANCE = 1e-12
-"""Smaller errors of the length of a quaternion are kept."""
-
 
 SNAP = 0.5e-9
 """Times closer than this to a sample's are equal to it, in [s]: stamps have a
