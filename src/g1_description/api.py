@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -520,7 +521,7 @@ class Robot:
                 are interpolated linearly.
             base: Poses of the base link, shape (n_samples, 7); None: the motion has no
                 base.
-            base_poses: The former name of ``base``.
+            base_poses: The former name of ``base``, deprecated.
 
         Raises:
             G1DescriptionError: If an argument is invalid.
@@ -531,7 +532,13 @@ class Robot:
             if velocities is None
             else self._rates(velocities, placed.shape, "velocity")
         )
-        base = base_poses if base is None else base
+        if base_poses is not None:
+            warnings.warn(
+                "Robot.trajectory(base_poses=...) is deprecated; use base=...",
+                DeprecationWarning,
+                stacklevel=2,
+            )
+            base = base_poses if base is None else base
         poses = None if base is None else as_poses(base)
         own_times = np.array(times, dtype=float)
         return Motion(own_times, self.joint_names, placed, rates, poses)

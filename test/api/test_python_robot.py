@@ -404,11 +404,15 @@ def test_a_motion_comes_from_a_pose_by_name_or_positions():
         robot.padded(motion, "stnd")
 
 
-def test_the_base_of_a_motion_has_one_name_and_the_former_one_works():
-    poses = np.tile([0.0, 0.0, 0.8, 0.0, 0.0, 0.0, 1.0], (2, 1))
-    rows = np.zeros((2, len(Robot().joint_names)))
-    for keyword in {"base": poses}, {"base_poses": poses}:
-        motion = Robot().trajectory([0.0, 1.0], rows, **keyword)
-        np.testing.assert_array_equal(motion.base, poses)
-        assert motion.base is motion.base_poses
-    assert Robot().trajectory([0.0, 1.0], rows).base is None
+def test_former_names_of_a_motion_work_with_a_warning():
+    robot, poses = Robot(), np.tile([0.0, 0.0, 0.8, 0.0, 0.0, 0.0, 1.0], (2, 1))
+    rows = np.zeros((2, len(robot.joint_names)))
+    motion = robot.trajectory([0.0, 1.0], rows, base=poses)
+    with pytest.warns(DeprecationWarning, match="use base=") as caught:
+        former = robot.trajectory([0.0, 1.0], rows, base_poses=poses)
+    np.testing.assert_array_equal(former.base, poses)
+    assert caught[0].filename == __file__
+    with pytest.warns(DeprecationWarning, match="use the motion itself") as caught:
+        assert motion.trajectory is motion
+    assert caught[0].filename == __file__
+    assert robot.trajectory([0.0, 1.0], rows).base is None

@@ -27,7 +27,7 @@ def waving(times, n_samples=201):
     sweep = np.sin(2.0 * times**1.5)
     positions = {ELBOW: 0.3 * sweep, "right_elbow_joint": 0.2 * np.cos(times**2)}
     base = np.tile([0.0, 0.0, 0.79, 0.0, 0.0, 0.0, 1.0], (n_samples, 1))
-    return G1.trajectory(times, positions, base_poses=base)
+    return G1.trajectory(times, positions, base=base)
 
 
 def test_a_motion_equals_itself(checker):

@@ -701,7 +701,7 @@ def clip(robot, seed):
     names = [n for n in robot.joint_names if "shoulder" in n or "elbow" in n]
     swing = {n: 0.3 * np.sin(random.uniform(0.5, 3.0) * times) for n in names}
     base = np.tile([0.0, 0.0, 0.793, 0.0, 0.0, 0.0, 1.0], (len(times), 1))
-    return robot.trajectory(times, swing, base_poses=base)
+    return robot.trajectory(times, swing, base=base)
 
 
 def service_rate(names, drawn, pose, count):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -111,7 +112,12 @@ class Motion:
 
     @property
     def trajectory(self) -> Motion:
-        """The motion itself; for programs written when its numbers had a class."""
+        """The motion itself; deprecated."""
+        warnings.warn(
+            "Motion.trajectory is deprecated; use the motion itself",
+            DeprecationWarning,
+            stacklevel=2,
+        )
         return self
 
     @property
