@@ -44,12 +44,12 @@ def write_motions(folder, *reaches):
     return files
 
 
-def read(path, robot, rate, topic, *_):
+def read(path, robot, options):
     """Read a motion, where there are no bags."""
-    return read_motion(path, robot, rate)
+    return read_motion(path, robot, options)
 
 
-def read_or_die(path, robot, rate, topic, *_):
+def read_or_die(path, robot, options):
     """Read a motion; files with some names end the process that reads them."""
     marker = path.with_suffix(".begun")
     if path.name.startswith("once") and not marker.exists():
@@ -57,10 +57,10 @@ def read_or_die(path, robot, rate, topic, *_):
         os.kill(os.getpid(), signal.SIGKILL)
     if path.name.startswith("deadly"):
         os.kill(os.getpid(), signal.SIGKILL)
-    return read_motion(path, robot, rate)
+    return read_motion(path, robot, options)
 
 
-def stay(path, robot, rate, topic, *_):
+def stay(path, robot, options):
     """Tell who reads, and never end."""
     path.with_name("pid").write_text(str(os.getpid()))
     while True:

@@ -23,6 +23,7 @@ from g1_description.errors import (
 from g1_description.files.atomic import write_whole
 from g1_description.motion.files.conventions import JOINT_ORDERS
 from g1_description.motion.files.formats import read_motion, write_motion
+from g1_description.motion.files.source import ReadOptions
 from g1_description.motion.mirror import mirrored
 from g1_description.motion.motion import Motion, fitted
 from g1_description.motion.motors import motors_of, named_motors
@@ -473,9 +474,8 @@ class Robot:
                 f"{joint_order!r})."
             )
         file = motion_path(path)
-        return read_motion(
-            file, self.description, rate, None, order, format, joint_order
-        )
+        options = ReadOptions(rate, None, order, format, joint_order)
+        return read_motion(file, self.description, options)
 
     def write_motion(
         self,

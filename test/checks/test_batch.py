@@ -36,6 +36,7 @@ from g1_description.errors import ClusterError
 from g1_description.files.model_files import find_folder
 from g1_description.files.uris import local_path
 from g1_description.motion.files.formats import read_motion
+from g1_description.motion.files.source import ReadOptions
 
 pytestmark = pytest.mark.slow
 
@@ -171,12 +172,14 @@ def test_a_cluster_finds_the_same_though_a_worker_dies_until_all_went(
     """Bags are read here: their motions are sent, with all that is noted of them."""
     monkeypatch.setattr(clusters, "TIMEOUT", DEADLINE)
 
-    def read_here(path, robot, rate, topic, *_):
-        assert topic == "states"
-        motion = read_motion(path, robot, rate)
+    def read_here(path, robot, options):
+        assert options.topic == "states"
+        motion = read_motion(path, robot)
         return replace(motion, notes=(*motion.notes, "read here"))
 
-    bags = FileChecker(checker.checker, topic="states", reader=read_here)
+    bags = FileChecker(
+        checker.checker, options=ReadOptions(topic="states"), reader=read_here
+    )
     (bag,) = checked(Cluster(bags, cluster.scheduler_address), files[1:2])
     assert bag.verdict.notes[-1] == "read here"
     assert bag.verdict.findings == alone[1].verdict.findings

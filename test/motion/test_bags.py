@@ -31,6 +31,7 @@ from g1_description.bridge.recorded_file import room_of, write_motion_file
 from g1_description.errors import MotionError
 from g1_description.motion.files import bag as bag_files
 from g1_description.motion.files.formats import read_motion
+from g1_description.motion.files.source import ReadOptions
 
 ELBOW, KNEE = "left_elbow_joint", "left_knee_joint"
 SECOND = 1_000_000_000
@@ -262,7 +263,7 @@ def test_the_topic_is_the_usual_one_or_named(bag):
     motion = read_motion(bag(states, commands), G1)
     assert motion.positions.tolist() == [[1.0]]
     assert "It also has joints on /joint_commands." in motion.notes[0]
-    motion = read_motion(bag(states, commands), G1, topic="joint_commands")
+    motion = read_motion(bag(states, commands), G1, ReadOptions(topic="joint_commands"))
     assert motion.positions.tolist() == [[2.0]]
     left = ("/left/joint_states", state(1, left_knee=3.0), 1)
     base = ("/tf", TFMessage([edge(1, 1.0), edge(1, 2.0, child="left/base_link")]), 1)
@@ -281,7 +282,7 @@ def test_the_topic_is_the_usual_one_or_named(bag):
         ),
     ):
         with pytest.raises(MotionError) as error:
-            read_motion(bag(*messages), G1, topic=topic)
+            read_motion(bag(*messages), G1, ReadOptions(topic=topic))
         assert words in str(error.value)
 
 
@@ -358,7 +359,7 @@ def test_the_run_before_a_reset_is_read_where_recorded_times_go_back(bag, option
 
 def test_a_rate_for_a_bag_is_told_to_be_ignored(bag):
     path = bag(("/joint_states", state(1, left_knee=1.0), 1))
-    notes = read_motion(path, G1, 30.0).notes
+    notes = read_motion(path, G1, ReadOptions(30.0)).notes
     assert any("its own times" in note for note in notes)
 
 
@@ -400,7 +401,7 @@ def test_what_is_no_bag_has_no_topic(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text(f"time,{KNEE}\n0,1\n")
     with pytest.raises(MotionError, match="the topic joint_states needs one"):
-        read_motion(path, G1, topic="joint_states")
+        read_motion(path, G1, ReadOptions(topic="joint_states"))
 
 
 def test_a_damaged_bag_is_read_or_refused_and_nothing_else(bag):

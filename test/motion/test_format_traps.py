@@ -19,7 +19,7 @@ from g1_description.motion.files.formats import (
     motion_names,
     read_motion,
 )
-from g1_description.motion.files.source import MotionSource
+from g1_description.motion.files.source import MotionSource, ReadOptions
 from g1_description.robot.load import read_model
 
 JOINTS = G1_JOINTS[29]
@@ -53,7 +53,7 @@ def table(columns):
 
 
 def notes_of(path, g1, *args, **kwargs):
-    return " ".join(read_motion(path, g1, *args, **kwargs).notes)
+    return " ".join(read_motion(path, g1, ReadOptions(*args, **kwargs)).notes)
 
 
 def seed_columns(place=100.0, angle=180.0 / np.pi):
@@ -395,7 +395,7 @@ def test_pyroki_and_npy_may_have_a_rate(g1, file):
     assert read_motion(file(npz(**arrays, fps=25.0)), g1).times[1] == 0.04
     motion = read_motion(file(npz(**arrays)), g1)
     assert "assuming 30 Hz" in motion.notes[0]
-    assert read_motion(file(npz(**arrays)), g1, 25.0).times[1] == 0.04
+    assert read_motion(file(npz(**arrays)), g1, ReadOptions(25.0)).times[1] == 0.04
     stream = io.BytesIO()
     np.save(stream, qpos[:, [0, 1, 2, 4, 5, 6, 3, *range(7, 36)]])
     named = read_motion(file(stream.getvalue(), "walk_60_jpos.npy"), g1)
@@ -424,11 +424,11 @@ def test_an_option_that_decides_nothing_is_told(g1, file):
     told = notes_of(path, g1, joint_order="isaaclab")
     assert "--input-joint-order is ignored" in told
     path = file(npz(qpos=configurations(), fps=30))
-    assert read_motion(path, g1, name="qpos").notes == ()
+    assert read_motion(path, g1, ReadOptions(format="qpos")).notes == ()
     with pytest.raises(MotionError, match="not of the format holomotion"):
-        read_motion(path, g1, name="holomotion")
+        read_motion(path, g1, ReadOptions(format="holomotion"))
     with pytest.raises(MotionError, match="There is no format 'mp3'; formats: bag, "):
-        read_motion(path, g1, name="mp3")
+        read_motion(path, g1, ReadOptions(format="mp3"))
 
 
 def lying():
@@ -442,10 +442,10 @@ def lying():
 def test_a_robot_that_stands_in_both_orders_is_told_of(g1, file):
     """Upright along x: in the other order it faces backward."""
     row = ",".join(["0", "0", "0.8", "0", "0", "0", "1", *["0"] * 29])
-    (note,) = read_motion(file(row), g1, 30.0).notes
+    (note,) = read_motion(file(row), g1, ReadOptions(30.0)).notes
     assert note.endswith("feet are flat in w x y z, too; set --order to be certain.")
     for order, yaw in (("xyzw", 0.0), ("wxyz", np.pi)):
-        motion = read_motion(file(row), g1, 30.0, order=order)
+        motion = read_motion(file(row), g1, ReadOptions(30.0, order=order))
         turn = Rotation.from_quat(motion.base_poses[0, 3:])
         assert motion.notes == ()
         assert turn.as_euler("xyz")[2] == pytest.approx(yaw)
@@ -463,7 +463,7 @@ def test_the_order_that_the_user_tells_counts_everywhere(file):
     assert wanted.base_poses[0, 3:].tolist() == pytest.approx([-half, 0.0, 0.0, half])
     turned = robot.read_motion(path, order="wxyz")
     assert turned.base_poses[0, 6] == wanted.base_poses[0, 3]
-    checked = FileChecker(robot.checker(), order="xyzw")
+    checked = FileChecker(robot.checker(), options=ReadOptions(order="xyzw"))
     found = checked.read("lying.csv", path.read_bytes())
     np.testing.assert_array_equal(found.base_poses, wanted.base_poses)
     assert "--order" in FileChecker(robot.checker()).read("lying.csv", path).problem
@@ -629,4 +629,4 @@ def test_published_motions_get_no_hints(g1):
     if not folder.exists():
         pytest.skip("the motions of others are not beside the repository")
     for path in sorted(folder.glob("*.csv")):
-        assert read_motion(path, g1, 60.0).notes == ()
+        assert read_motion(path, g1, ReadOptions(60.0)).notes == ()

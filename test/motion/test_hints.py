@@ -18,6 +18,7 @@ from g1_description.motion.files.conventions import (
     breadth_first,
 )
 from g1_description.motion.files.formats import read_motion
+from g1_description.motion.files.source import ReadOptions
 from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.load import read_model
 
@@ -128,7 +129,7 @@ def test_another_order_of_quaternions_than_the_formats_is_told_and_read(
     path = file(write(wrong, positions))
     (note,) = read_motion(path, g1).notes
     assert f"--order {other} reads them so" in note
-    motion = read_motion(path, g1, order=other)
+    motion = read_motion(path, g1, ReadOptions(order=other))
     assert motion.notes == ()
     np.testing.assert_allclose(motion.base_poses, base, atol=1e-12)
 
@@ -141,7 +142,9 @@ def test_a_robot_that_does_not_stand_is_told_of(g1, file):
     base[:, 3:] = (up * Rotation.from_quat(base[:, 3:])).as_quat()
     path = file(gmr(base, positions))
     assert "The robot does not stand" in " ".join(read_motion(path, g1).notes)
-    assert "does not stand" not in " ".join(read_motion(path, g1, order="xyzw").notes)
+    assert "does not stand" not in " ".join(
+        read_motion(path, g1, ReadOptions(order="xyzw")).notes
+    )
 
 
 @pytest.mark.parametrize("fps", [30, 120, None])
@@ -151,7 +154,7 @@ def test_a_rate_at_which_joints_are_too_fast_is_told(g1, file, fps):
     swing = 1.2 * np.sin(np.arange(61) / 3.0)
     positions[:, JOINTS.index("left_elbow_joint")] = 0.8 + swing
     text = "\n".join(",".join(map(str, row)) for row in np.hstack([base, positions]))
-    notes = read_motion(file(text, "swing.csv"), g1, fps).notes
+    notes = read_motion(file(text, "swing.csv"), g1, ReadOptions(fps)).notes
     told = [note for note in notes if "as fast as their limits allow" in note]
     assert bool(told) == (fps == 120)
     assert all("1.3 times" in n and "120 Hz; --fps sets it" in n for n in told)
@@ -195,7 +198,7 @@ def test_isaac_labs_order_without_names_is_told_and_read(g1, file, write):
     note = read_motion(path, g1).notes[-1]
     assert "within them in the order of Isaac Lab" in note
     assert "--input-joint-order isaaclab" in note
-    motion = read_motion(path, g1, joint_order="isaaclab")
+    motion = read_motion(path, g1, ReadOptions(joint_order="isaaclab"))
     assert motion.notes == ()
     assert motion.joint_names == ISAAC_JOINTS
     np.testing.assert_array_equal(motion.arranged(JOINTS).positions, positions)
@@ -205,7 +208,7 @@ def test_the_order_that_the_user_tells_is_that_of_23_joints_and_of_tables(g1, fi
     base, positions = standing()
     names = breadth_first(g1, ASAP_JOINTS)
     path = file(gmr(base, permuted(positions, names)))
-    motion = read_motion(path, g1, joint_order="isaaclab")
+    motion = read_motion(path, g1, ReadOptions(joint_order="isaaclab"))
     assert motion.joint_names == names
     path = file(table(base, permuted(positions, ISAAC_JOINTS)), "a.csv")
     assert "--input-joint-order isaaclab" in read_motion(path, g1).notes[-1]
@@ -214,7 +217,7 @@ def test_the_order_that_the_user_tells_is_that_of_23_joints_and_of_tables(g1, fi
     assert wanted.joint_names == ISAAC_JOINTS
     with pytest.raises(MotionError, match=r"one of mujoco, isaaclab .got 'ros'"):
         robot.read_motion(path, joint_order="ros")
-    checked = FileChecker(robot.checker(), joint_order="isaaclab")
+    checked = FileChecker(robot.checker(), options=ReadOptions(joint_order="isaaclab"))
     found = checked.read("a.csv", path.read_bytes())
     np.testing.assert_array_equal(found.positions, wanted.positions)
 
@@ -361,7 +364,7 @@ def test_bodies_tell_the_base_and_the_order_of_quaternions(
         base, *parts = placed(g1, order, lies, ahead, behind)
         path = file(write(*parts))
         for given in (None, order):
-            motion = read_motion(path, g1, order=given)
+            motion = read_motion(path, g1, ReadOptions(order=given))
             wanted = base * np.sign(np.sum(base * motion.base_poses, 1))[:, None]
             turn = Rotation.from_quat(motion.base_poses[:, 3:])
             off = Rotation.from_quat(wanted[:, 3:]).inv() * turn
@@ -404,7 +407,7 @@ def test_a_tracking_npz_without_a_rate_takes_that_of_the_user(g1, file):
     path = file(npz(**arrays), "a.npz")
     with pytest.raises(MotionError, match="The array fps is missing: give the rate"):
         read_motion(path, g1)
-    assert read_motion(path, g1, 25.0).times[1] == 0.04
+    assert read_motion(path, g1, ReadOptions(25.0)).times[1] == 0.04
     named = read_motion(file(npz(**arrays), "a_50fps.npz"), g1)
     assert named.times[1] == 0.02
     assert "assuming 50 Hz, as its name says" in named.notes[0]

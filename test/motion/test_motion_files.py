@@ -16,6 +16,7 @@ from conftest import REPOSITORY, VENDOR
 from g1_description.errors import MotionError
 from g1_description.motion.files.conventions import G1_JOINTS
 from g1_description.motion.files.formats import read_motion
+from g1_description.motion.files.source import ReadOptions
 from g1_description.motion.motion import sample
 from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.load import read_model
@@ -62,7 +63,7 @@ def test_the_joints_of_the_g1_are_those_of_its_files(g1):
 
 def test_a_clip_is_the_same_as_text_and_as_arrays(clip, revision):
     """Its authors left out the last sample and clamped the others to the limits."""
-    text = read_motion(clip.with_suffix(".csv"), revision, 60.0)
+    text = read_motion(clip.with_suffix(".csv"), revision, ReadOptions(60.0))
     arrays = read_motion(clip.with_suffix(".npz"), revision)
     assert (text.notes, arrays.notes) == ((), ())
     n_samples = len(arrays.times)
@@ -185,7 +186,7 @@ def test_without_times_thirty_hertz_are_assumed_and_told(g1, file):
     motion = read_motion(file(f"{row}\n{row}\n"), g1)
     assert motion.times.tolist() == [0.0, 1 / 30]
     assert "assuming 30 Hz" in motion.notes[0]
-    told = read_motion(file(f"{row}\n{row}\n"), g1, 50.0, order="xyzw")
+    told = read_motion(file(f"{row}\n{row}\n"), g1, ReadOptions(50.0, order="xyzw"))
     assert told.notes == ()
 
 
@@ -213,7 +214,10 @@ def test_a_header_that_numpy_writes_counts_for_a_table_of_36_columns(g1, file):
 def test_a_comment_above_a_table_without_a_header_is_a_comment(g1, file):
     row = ",".join(["0", "0", "0.8", "0", "0", "0", "1", *["0.1"] * 29])
     content = "# time, and more\n# time," + ",".join(["x"] * 40) + "\n"
-    assert read_motion(file(content + row), g1, 30.0, order="xyzw").notes == ()
+    assert (
+        read_motion(file(content + row), g1, ReadOptions(30.0, order="xyzw")).notes
+        == ()
+    )
 
 
 def point(positions, secs, nsecs):
@@ -259,7 +263,7 @@ def test_what_rostopic_echo_prints_is_read(g1, file):
 )
 def test_a_rate_for_a_file_with_times_is_told_to_be_ignored(g1, file, content):
     times = read_motion(file(content), g1).times
-    motion = read_motion(file(content), g1, 25.0)
+    motion = read_motion(file(content), g1, ReadOptions(25.0))
     assert "its own times: the rate of 25 Hz is ignored" in motion.notes[0]
     np.testing.assert_array_equal(motion.times, times)
 
@@ -437,13 +441,13 @@ BAD = {
     "words": ("hello world\n", "Line 1"),
     "urdf": (
         '<?xml version="1.0"?>\n<!-- <sdf>\n -->\n<robot name="a"><mujoco/></robot>\n',
-        r"^motion: This is a robot description \(URDF\), not a motion\.$",
+        r"^motion: This is a robot description \(URDF\)\.$",
     ),
-    "sdf": ('<sdf version="1.6"/>', r"a model or world of Gazebo \(SDF\), not a"),
-    "launch": ("<launch/>", "This is a launch file, not a motion"),
-    "page": ("<!DOCTYPE html>\n<html>", r"This is a web page \(HTML\), not a motion"),
-    "xml": ("<package/>", "This is XML with the root <package>, not a motion"),
-    "json": ('{"a": [1, 2]}\n', "This is JSON, not a motion"),
+    "sdf": ('<sdf version="1.6"/>', r"a model or world of Gazebo \(SDF\)\.$"),
+    "launch": ("<launch/>", "This is a launch file"),
+    "page": ("<!DOCTYPE html>\n<html>", r"This is a web page \(HTML\)"),
+    "xml": ("<package/>", "This is XML with the root <package>"),
+    "json": ('{"a": [1, 2]}\n', "This is JSON"),
     "HDF5": (b"\x89HDF\r\n\x1a\n" + b"\x00\xff" * 100, "HDF5 is not read; save"),
     "binary": (b"\xff\xfe\x00\x01" * 100, "Unknown format: not an npz, pickle, ros"),
     "line": (b"time,a\n0,\x80", r"UTF-8 text .see line 2\)"),

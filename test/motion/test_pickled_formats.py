@@ -29,7 +29,7 @@ from g1_description.motion.files.formats import (
     write_motion,
 )
 from g1_description.motion.files.pickles import read_pickle
-from g1_description.motion.files.source import MotionSource
+from g1_description.motion.files.source import MotionSource, ReadOptions
 from g1_description.motion.files.torch_files import read_torch
 from g1_description.motion.motion import Motion
 from g1_description.robot.load import read_model
@@ -302,7 +302,9 @@ def test_what_others_write_is_read(g1, file, name):
 @pytest.mark.parametrize("name", WHOLE)
 def test_an_order_turns_quaternions_or_is_told_as_ignored(g1, file, name):
     path = given(file, name, WHOLE[name]())
-    xyzw, wxyz = (read_motion(path, g1, order=order) for order in ("xyzw", "wxyz"))
+    xyzw, wxyz = (
+        read_motion(path, g1, ReadOptions(order=order)) for order in ("xyzw", "wxyz")
+    )
     is_turned = not np.array_equal(xyzw.base_poses, wxyz.base_poses)
     assert is_turned != ("--order is ignored" in " ".join(wxyz.notes))
     assert is_turned != ("--order is ignored" in " ".join(xyzw.notes))
@@ -421,7 +423,9 @@ def test_names_in_arrays_of_gmr_are_those_of_the_joints(g1, file):
 def test_places_that_are_all_zero_are_told(g1, file):
     content = deployed()
     content["body_pos_w"] = np.zeros_like(content["body_pos_w"])
-    (*_, note) = read_motion(file(pickle.dumps({"walk": content})), g1, 50.0).notes
+    (*_, note) = read_motion(
+        file(pickle.dumps({"walk": content})), g1, ReadOptions(50.0)
+    ).notes
     assert "the place of the base is unknown" in note
     content["_body_indexes"] = np.array([4, 10, 18])
     with pytest.raises(MotionError, match="The bodies have no root"):
@@ -455,7 +459,7 @@ def test_keyframes_without_times_are_poses_or_have_a_rate(g1, file):
     late = file(keyframes().replace('time="0.06"', 'time="0.01"'))
     with pytest.raises(MotionError, match="have no times that increase"):
         read_motion(late, g1)
-    assert_is_the_motion(read_motion(path, g1, 50.0))
+    assert_is_the_motion(read_motion(path, g1, ReadOptions(50.0)))
     with pytest.raises(NoMotionError, match="no keyframes"):
         read_motion(file("<mujoco><worldbody/></mujoco>"), g1)
 
@@ -551,7 +555,7 @@ def test_what_is_written_is_read_as_the_same(g1, tmp_path, name, most, rate, nam
     path = tmp_path / "motion.pkl"
     wanted = motion_of(names, rate)
     write_motion(path, wanted, g1, name=name)
-    found = read_motion(path, g1, name=name)
+    found = read_motion(path, g1, ReadOptions(format=name))
     assert not [note for note in found.notes if "quaternion" in note]
     columns = [found.joint_names.index(joint) for joint in names]
     np.testing.assert_allclose(
@@ -635,7 +639,7 @@ def test_a_file_is_read_in_the_next_format_that_recognises_it(g1, tmp_path):
     with pytest.raises(MotionError, match=f"{WORDS}. Nor is it read as gmr: fps must"):
         read_motion(path, g1)
     with pytest.raises(MotionError, match=f"{WORDS}.$"):
-        read_motion(path, g1, name="tracking")
+        read_motion(path, g1, ReadOptions(format="tracking"))
 
 
 @pytest.mark.parametrize("name", ["gmr", "motion_library"])

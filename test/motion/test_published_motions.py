@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from g1_description.errors import G1DescriptionError, MotionError
 from g1_description.motion.files.conventions import ASAP_JOINTS, G1_JOINTS
 from g1_description.motion.files.formats import read_motion
+from g1_description.motion.files.source import ReadOptions
 from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.load import read_model
 from g1_description.robot.urdf import parse_urdf
@@ -113,23 +114,23 @@ def test_each_published_motion_is_read_or_refused_as_it_must_be(g1, index, name)
     expected = entry["expect"]
     if name in REFUSED:
         with pytest.raises(G1DescriptionError, match=TOLD.get(name, r"\.$")):
-            read_motion(path, g1, rate)
+            read_motion(path, g1, ReadOptions(rate))
         return
     order = None
     if expected == "choose a motion":
         with pytest.raises(MotionError, match="has several motions"):
-            read_motion(path, g1, rate)
+            read_motion(path, g1, ReadOptions(rate))
         for part, rows in entry["motions"].items():
-            motion = read_motion(FOLDER / f"{name}#{part}", g1, rate)
+            motion = read_motion(FOLDER / f"{name}#{part}", g1, ReadOptions(rate))
             assert not differs(motion, entry, rows)
         return
     if expected == "order cannot be told":
         with pytest.raises(MotionError, match=f"{UNKNOWN}.*--order wxyz"):
-            read_motion(path, g1, rate)
+            read_motion(path, g1, ReadOptions(rate))
         order = "wxyz"
     if expected == "rate told":
         assert "assuming" in " ".join(read_motion(path, g1).notes)
-    motion = read_motion(path, g1, rate, order=order)
+    motion = read_motion(path, g1, ReadOptions(rate, order=order))
     notes = " ".join(motion.notes)
     assert TOLD.get(name, "") in notes
     assert (expected == "place unknown") == ("place of the base is unknown" in notes)
@@ -194,10 +195,10 @@ def test_the_order_of_quaternions_is_that_in_which_the_robot_stands(
     g1, file, write, yaw
 ):
     base, positions = posture(yaw)
-    motion = read_motion(file(write(base, positions)), g1, 30.0)
+    motion = read_motion(file(write(base, positions)), g1, ReadOptions(30.0))
     assert not [note for note in motion.notes if "quaternion" in note]
     np.testing.assert_allclose(motion.base_poses, base, atol=1e-12)
-    motion = read_motion(file(write(w_first(base), positions)), g1, 30.0)
+    motion = read_motion(file(write(w_first(base), positions)), g1, ReadOptions(30.0))
     assert W_FIRST in " ".join(motion.notes)
     np.testing.assert_allclose(motion.base_poses, base, atol=1e-12)
 
@@ -215,10 +216,10 @@ def test_a_robot_that_lies_leaves_the_order_open(g1, file, axis, yaw, order, lea
     content = order(base)
     lying = file(text(content, positions))
     with pytest.raises(MotionError, match=f"{UNKNOWN}.*--order xyzw or --order wxyz"):
-        read_motion(lying, g1, 30.0)
+        read_motion(lying, g1, ReadOptions(30.0))
     for told in ("xyzw", "wxyz"):
         wanted = content if told == "xyzw" else content[:, [0, 1, 2, 4, 5, 6, 3]]
-        motion = read_motion(lying, g1, 30.0, order=told)
+        motion = read_motion(lying, g1, ReadOptions(30.0, order=told))
         np.testing.assert_allclose(motion.base_poses, wanted, atol=1e-12)
 
 
@@ -226,7 +227,7 @@ def test_another_robot_than_a_g1_is_read_as_x_y_z_w(file):
     robot = read_model(str(REPOSITORY / "test" / "data" / "revolute.urdf")).description
     n_joints = len(robot.movable_joints)
     row = ["0", "0", "0", "1", "0", "0", "0", *["0"] * n_joints]
-    motion = read_motion(file(",".join(row) + "\n"), robot, 30.0)
+    motion = read_motion(file(",".join(row) + "\n"), robot, ReadOptions(30.0))
     (note,) = motion.notes
     assert note.startswith("The base points down in most samples: the order of the")
     assert motion.base_poses[0].tolist() == [0, 0, 0, 1, 0, 0, 0]
@@ -243,21 +244,21 @@ def raised(names, name, value):
 @pytest.mark.parametrize("write", [text, gmr, gmr_pickle])
 def test_23_joints_are_those_whose_limits_they_keep(g1, file, write):
     asap = raised(ASAP_JOINTS, "left_shoulder_roll_joint", 2.1)
-    motion = read_motion(file(write(*asap)), g1, 30.0)
+    motion = read_motion(file(write(*asap)), g1, ReadOptions(30.0))
     assert motion.joint_names == ASAP_JOINTS
     assert "assuming ASAP's layout" in motion.notes[0]
     unitree = raised(G1_JOINTS[23], "left_shoulder_pitch_joint", -1.2)
-    motion = read_motion(file(write(*unitree)), g1, 30.0)
+    motion = read_motion(file(write(*unitree)), g1, ReadOptions(30.0))
     assert motion.joint_names == G1_JOINTS[23]
     assert "assuming Unitree's layout" in motion.notes[0]
 
 
 def test_23_joints_within_all_limits_are_asaps_unless_the_robot_has_23(g1, g1_23, file):
     calm = file(text(*raised(ASAP_JOINTS, "left_shoulder_roll_joint", 0.2)))
-    motion = read_motion(calm, g1, 30.0)
+    motion = read_motion(calm, g1, ReadOptions(30.0))
     assert motion.joint_names == ASAP_JOINTS
     assert "both layouts are within limits" in motion.notes[0]
-    motion = read_motion(calm, g1_23, 30.0)
+    motion = read_motion(calm, g1_23, ReadOptions(30.0))
     assert motion.joint_names == G1_JOINTS[23]
     assert "both layouts are within limits" in motion.notes[0]
 
@@ -267,7 +268,7 @@ def test_asaps_joints_beyond_unitrees_limits_are_not_those_of_a_robot_of_23(
 ):
     """The right elbow is where the right wrist rolls, by less."""
     asap = file(text(*raised(ASAP_JOINTS, "right_elbow_joint", 2.09)))
-    motion = read_motion(asap, g1_23, 30.0)
+    motion = read_motion(asap, g1_23, ReadOptions(30.0))
     assert "assuming ASAP's layout" in motion.notes[0]
     kept = [name for name in ASAP_JOINTS if name in G1_JOINTS[23]]
     assert motion.joint_names == tuple(kept)

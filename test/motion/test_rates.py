@@ -16,6 +16,7 @@ from g1_description.motion.files.formats import (
     read_motion,
     write_motion,
 )
+from g1_description.motion.files.source import ReadOptions
 from g1_description.motion.motion import Motion
 from g1_description.motion.paths import rate_in, with_rate
 from g1_description.robot.load import read_model
@@ -151,14 +152,17 @@ def test_a_table_with_names_and_without_times_takes_a_rate(g1, file, prefix, fir
     path = file(headed(prefix, first=first), "a.csv")
     with pytest.raises(MotionError, match=r"lacks time; or give the rate, --fps\."):
         read_motion(path, g1)
-    found = read_motion(path, g1, 25.0)
+    found = read_motion(path, g1, ReadOptions(25.0))
     assert found.times[1] == 0.04
     assert found.joint_names == JOINTS
     np.testing.assert_array_equal(found.base_poses, motion(30.0).base_poses)
     named = read_motion(file(headed(prefix, first=first), "a_50hz.csv"), g1)
     assert named.times[1] == 0.02
     timed = file(headed(prefix, first=("time",)), "b.csv")
-    assert "--order is ignored" in read_motion(timed, g1, order="wxyz").notes[0]
+    assert (
+        "--order is ignored"
+        in read_motion(timed, g1, ReadOptions(order="wxyz")).notes[0]
+    )
 
 
 def test_a_table_that_pandas_has_numbered_is_read(g1, file):

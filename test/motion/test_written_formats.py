@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from g1_description.errors import MotionError
 from g1_description.motion.files.conventions import ASAP_JOINTS, G1_JOINTS
 from g1_description.motion.files.formats import WRITERS, read_motion, write_motion
+from g1_description.motion.files.source import ReadOptions
 from g1_description.motion.motion import Motion
 from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.load import read_model
@@ -86,7 +87,7 @@ def again(folder, name, motion):
     """Write a motion in a format, and read it."""
     path = folder / f"{name}{WRITERS[name].ending}"
     write_motion(path, motion, G1, name=name)
-    return read_motion(path, G1, RATE, order=ORDERS.get(name))
+    return read_motion(path, G1, ReadOptions(RATE, order=ORDERS.get(name)))
 
 
 @settings(
@@ -223,7 +224,9 @@ def test_what_a_file_cannot_hold_is_told(tmp_path):
         notes = write_motion(tmp_path / "a.csv", part, G1, name=name)
         assert f"Missing joints are written as 0: {JOINTS[28]}." in notes
         assert "read it with --fps 50" in notes[-1]
-        read = read_motion(tmp_path / "a.csv", G1, RATE, order=ORDERS.get(name))
+        read = read_motion(
+            tmp_path / "a.csv", G1, ReadOptions(RATE, order=ORDERS.get(name))
+        )
         assert not read.positions[:, read.joint_names.index(JOINTS[28])].any()
     notes = write_motion(tmp_path / "a.csv", motion, G1, 120.0, "bones_seed")
     assert notes == ("Resampled to 8 samples at 120 Hz.",)
@@ -256,7 +259,7 @@ def test_a_motion_of_a_smaller_g1_keeps_its_joints(tmp_path, name, names):
     part = a_motion(8).arranged(names[::-1])
     path = tmp_path / f"motion{WRITERS[name].ending}"
     notes = write_motion(path, part, G1, name=name)
-    found = read_motion(path, G1, RATE, order=ORDERS.get(name))
+    found = read_motion(path, G1, ReadOptions(RATE, order=ORDERS.get(name)))
     if names != ASAP_JOINTS and name in UNTOLD:
         assert "could be read as ASAP's" in " ".join(notes)
         assert_same(found, part.arranged(JOINTS), 1e-6)

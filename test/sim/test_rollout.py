@@ -17,6 +17,7 @@ from g1_description import Robot
 from g1_description.errors import InvalidValueError, UnknownNameError
 from g1_description.files.uris import with_absolute_uris
 from g1_description.motion.files.formats import read_motion
+from g1_description.motion.files.source import ReadOptions
 from g1_description.motion.motion import Motion
 from g1_description.motion.motors import Motors, ServoMotor, read_motors
 from g1_description.motion.tracking import FallLimits
@@ -434,7 +435,7 @@ def test_a_clip_that_begins_on_the_toes_of_a_foot_falls_after_a_second():
     g1 = parse_urdf(with_absolute_uris(model.read_text(), model.parent))
     motors = read_motors(PROFILE / "motors.yaml")
     conditions = Conditions(motors)
-    result = rollout(g1, read_motion(file, g1, 60.0), conditions)
+    result = rollout(g1, read_motion(file, g1, ReadOptions(60.0)), conditions)
     assert 0.9 < result.fell_at < 1.3
     assert abs(result.lift) < 0.01
     saturated = result.report.limit_shares > 0.15

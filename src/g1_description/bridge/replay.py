@@ -19,6 +19,7 @@ from sensor_msgs.msg import JointState
 from g1_description.bridge.parameters import BridgeParameters, base_child, static_edges
 from g1_description.errors import G1DescriptionError, InvalidValueError
 from g1_description.motion.files.formats import read_motion
+from g1_description.motion.files.source import ReadOptions
 from g1_description.motion.motion import Motion, Sample, sample
 from g1_description.motion.paths import motion_path
 from g1_description.robot.description import Description
@@ -172,9 +173,13 @@ def main() -> None:
     try:
         parameters = read_parameters(ReplayParameters)
         robot = read_robot(DESCRIPTION)
-        rate, topic = parameters.fps or None, parameters.topic or None
-        told = parameters.order or None, parameters.format or None
-        motion = read_motion(parameters.path, robot, rate, topic, *told)
+        options = ReadOptions(
+            parameters.fps or None,
+            parameters.topic or None,
+            parameters.order or None,
+            parameters.format or None,
+        )
+        motion = read_motion(parameters.path, robot, options)
     except G1DescriptionError as error:
         rospy.logfatal("%s", error)
         sys.exit(1)

@@ -30,10 +30,12 @@ from g1_description.checks.report import NO_MOTION, NOT_READ, FileResult
 from g1_description.checks.verdict import Verdict
 from g1_description.errors import G1DescriptionError, MotionError, NoMotionError, cause
 from g1_description.motion.files.formats import read_motion
+from g1_description.motion.files.source import USUAL, ReadOptions
 from g1_description.motion.motion import Motion
+from g1_description.robot.description import Description
 
-Reader = Callable[..., Motion]
-"""Reads a motion with the arguments of ``read_motion``."""
+Reader = Callable[[Path, Description, ReadOptions], Motion]
+"""Reads a motion as ``read_motion`` does."""
 
 Content = Union[Path, bytes, Motion]
 """A file, its bytes, or a motion that was read."""
@@ -71,20 +73,8 @@ class FileChecker(FileWorker):
     plot: bool = False
     """Whether a picture of each motion is drawn."""
 
-    rate: float | None = None
-    """Samples per second of files without times."""
-
-    topic: str | None = None
-    """Topic of bags with the joints."""
-
-    order: str | None = None
-    """Order of base quaternions in files, xyzw or wxyz."""
-
-    format: str | None = None
-    """Name of the format of all files; None: each by its content."""
-
-    joint_order: str | None = None
-    """Order of joints in files that do not name them, mujoco or isaaclab."""
+    options: ReadOptions = USUAL
+    """How files are read."""
 
     reader: Reader = read_motion
     """Reads files."""
@@ -119,7 +109,6 @@ class FileChecker(FileWorker):
     def read(self, name: str, content: Content) -> Motion | FileResult:
         """Read a motion; the outcome where there is none."""
         robot = self.checker.description
-        told = self.order, self.format, self.joint_order
         try:
             if isinstance(content, Motion):
                 return content
@@ -127,8 +116,8 @@ class FileChecker(FileWorker):
                 with TemporaryDirectory(prefix="check_") as folder:
                     path = Path(folder, Path(name).name)
                     path.write_bytes(content)
-                    return read_motion(path, robot, self.rate, None, *told)
-            return self.reader(content, robot, self.rate, self.topic, *told)
+                    return read_motion(path, robot, self.options)
+            return self.reader(content, robot, self.options)
         except MotionError as error:
             begin = f"{Path(name).name}: "
             problem = str(error)

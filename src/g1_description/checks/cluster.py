@@ -150,7 +150,11 @@ class Cluster(Here):
         try:
             source = MotionSource(task.path)
             is_whole = source.name is None and not bag.recognise(source)
-            if is_whole and not has_neighbours(source) and self._files.topic is None:
+            if (
+                is_whole
+                and not has_neighbours(source)
+                and self._files.options.topic is None
+            ):
                 return source.data
         except (OSError, MotionError):
             pass  # the reader reports the error
@@ -192,7 +196,7 @@ def packed(checker: FileChecker) -> bytes:
         OSError: If a mesh cannot be read.
     """
     # Workers lack the meshes that pictures need.
-    sent = replace(checker, reader=read_motion, topic=None)
+    sent = replace(checker, reader=read_motion)
     meshes = {}
     if checker.checker.physics is not None:
         for link in checker.checker.description.links:

@@ -55,6 +55,7 @@ from g1_description.command_line import number, option, parse, say
 from g1_description.errors import ClusterError, G1DescriptionError, InvalidValueError
 from g1_description.motion import selection as selections
 from g1_description.motion.files.formats import ENDINGS
+from g1_description.motion.files.source import ReadOptions
 from g1_description.motion.paths import split
 from g1_description.motion.selection import Selection
 from g1_description.render.page_data import motion_data
@@ -407,11 +408,9 @@ def file_checker(args: CheckOptions) -> FileChecker:
         ),
         args.only,
         bool(args.plot),
-        args.fps,
-        args.topic,
-        args.order,
-        args.format,
-        args.input_joint_order,
+        ReadOptions(
+            args.fps, args.topic, args.order, args.format, args.input_joint_order
+        ),
         scene=partial(motion_data, description) if args.html else None,
     )
 

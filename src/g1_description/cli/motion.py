@@ -55,7 +55,7 @@ from g1_description.motion.files.formats import (
     format_name,
     read_source,
 )
-from g1_description.motion.files.source import MotionSource
+from g1_description.motion.files.source import MotionSource, ReadOptions
 from g1_description.motion.files.writing import ONLY
 from g1_description.motion.motion import Motion
 from g1_description.motion.paths import split
@@ -129,10 +129,11 @@ def read(path: Path, args: Reading, robot: Description) -> tuple[MotionSource, M
     Raises:
         MotionError: If it cannot be read.
     """
-    source = MotionSource(
-        path, args.fps, args.topic, args.order, args.input_joint_order
+    options = ReadOptions(
+        args.fps, args.topic, args.order, args.format, args.input_joint_order
     )
-    return source, read_source(source, robot, args.format, not args.reads_all)
+    source = MotionSource(path, options)
+    return source, read_source(source, robot, not args.reads_all)
 
 
 def written(

@@ -25,6 +25,7 @@ from g1_description.errors import (
 )
 from g1_description.motion.edit import moved, to_start_at
 from g1_description.motion.files.formats import read_motion
+from g1_description.motion.files.source import ReadOptions
 from g1_description.motion.motion import Motion
 from g1_description.motion.paths import absent, split
 from g1_description.robot.transform import IDENTITY
@@ -221,9 +222,8 @@ def prepare(args: PlayOptions, robot: RobotView) -> Motion:
         InvalidValueError: If it does not contain the requested part, or has no base.
         NoAnswerError: If there is no master.
     """
-    motion = read_motion(
-        args.file, robot.description, args.fps, args.topic, args.order, args.format
-    )
+    options = ReadOptions(args.fps, args.topic, args.order, args.format)
+    motion = read_motion(args.file, robot.description, options)
     for note in motion.notes:
         notify(note)
     trajectory = motion.cut(args.begin, args.end)

@@ -43,6 +43,7 @@ from g1_description.errors import (
 )
 from g1_description.files.atomic import write_whole
 from g1_description.motion.files.formats import read_motion
+from g1_description.motion.files.source import ReadOptions
 from g1_description.motion.motion import Motion, configuration, sample
 from g1_description.render.camera import VIEWS, Camera, framing
 from g1_description.render.page import motion_page
@@ -378,14 +379,10 @@ def read_files(args: SnapshotOptions) -> tuple[Description, Motion]:
     zero = dict.fromkeys([joint.name for joint in robot.movable_joints], 0.0)
     if not args.motion:
         return robot, configuration({**zero, **args.joints}, None)
-    motion = read_motion(
-        args.motion,
-        robot,
-        args.motion_fps,
-        args.motion_topic,
-        args.motion_order,
-        args.motion_format,
+    options = ReadOptions(
+        args.motion_fps, args.motion_topic, args.motion_order, args.motion_format
     )
+    motion = read_motion(args.motion, robot, options)
     for note in motion.notes:
         notify(note)
     return robot, with_joints(motion, args.joints)

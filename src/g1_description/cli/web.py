@@ -22,6 +22,7 @@ from g1_description.collisions.find_pairs import collisions_of
 from g1_description.command_line import argument, option, parse, say, within
 from g1_description.errors import G1DescriptionError, InvalidValueError
 from g1_description.motion.files.formats import read_motion
+from g1_description.motion.files.source import ReadOptions
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.robot.load import read_description
@@ -154,8 +155,10 @@ def _read(
     is_listed = args.folder is not None and args.folder in file.parents
     rate = args.fps if is_listed else rate
     if is_listed or file in given:
-        return read_motion(file, robot, rate, args.topic, args.order, args.format)
-    return read_motion(file, robot, rate)
+        options = ReadOptions(rate, args.topic, args.order, args.format)
+    else:
+        options = ReadOptions(rate)
+    return read_motion(file, robot, options)
 
 
 def web(args: WebOptions) -> None:

@@ -20,6 +20,7 @@ from g1_description.collisions.find_pairs import collisions_of
 from g1_description.errors import G1DescriptionError, MotionError
 from g1_description.motion.edit import minimum_jerk_trajectory
 from g1_description.motion.files.formats import read_motion
+from g1_description.motion.files.source import ReadOptions
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.ros.lifecycle import at_shutdown, start_node
@@ -69,7 +70,7 @@ class LiveWorld:
 
     def read(self, path: Path, robot: LiveRobot, rate: float | None) -> Motion:
         """Read a motion from a file of any format."""
-        return read_motion(path, robot.description, rate)
+        return read_motion(path, robot.description, ReadOptions(rate))
 
     def open(
         self, robot: LiveRobot, motion: Motion, at: float | None = None

@@ -107,7 +107,7 @@ def read(source: MotionSource, robot: Description) -> Motion:
     """
     try:
         with _opened(source) as bag:
-            return _motion(bag, robot, source.topic)
+            return _motion(bag, robot, source.options.topic)
     except MotionError:
         raise
     # Any error of rosbags or a decompressor on a damaged bag.

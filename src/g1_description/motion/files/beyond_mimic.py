@@ -96,7 +96,7 @@ def read(source: MotionSource, robot: Description) -> Motion:
     names, notes = base.joint_names, base.notes
     if named is None and not base.joints_are_known:
         names, of_joints = names_of_columns(source, positions, robot)
-        unknown = () if source.joint_order else (UNKNOWN_ORDER,)
+        unknown = () if source.options.joint_order else (UNKNOWN_ORDER,)
         notes = (*of_joints, *unknown, *notes)
     elif named is None and names not in layouts(n_joints, robot):
         notes = ("Joint order: Isaac Lab.", *notes)
@@ -106,7 +106,7 @@ def read(source: MotionSource, robot: Description) -> Motion:
     if "fps" in arrays:
         times, of_times = arrays.times(n_samples)
         return replace(motion, times=times, notes=(*notes, *of_times))
-    if source.told_rate is None:
+    if source.known_rate is None:
         raise MotionError("The array fps is missing: give the rate, --fps.")
     return source.timed(motion, CONTROL_RATE, "")
 
@@ -119,7 +119,7 @@ def _orders(
     isaac = [breadth_first(robot, names) for names in found]
     isaac = [order for order in isaac if len(order) == n_joints]
     by_name = dict(zip(JOINT_ORDERS, (found, isaac)))
-    return by_name.get(source.joint_order or "", [*found, *isaac])
+    return by_name.get(source.options.joint_order or "", [*found, *isaac])
 
 
 def most_samples(joints: Sequence[str], has_base: bool, size: int) -> int:

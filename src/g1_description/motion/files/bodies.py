@@ -123,7 +123,9 @@ def find_base(
     Returns:
         The base as the format says, unless the bodies fit only if it is another one.
     """
-    orders = [source.order] if source.order else [order, OTHER_ORDER[order]]
+    orders = (
+        [source.options.order] if source.options.order else [order, OTHER_ORDER[order]]
+    )
     readings = [
         _Reading(one, own, *layout)
         for one in orders

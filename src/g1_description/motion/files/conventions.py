@@ -128,7 +128,7 @@ def names_of_columns(
         MotionError: If no known robot has that number.
     """
     found = layouts(positions.shape[1], robot)
-    is_isaac = source.joint_order == ISAAC_LAB
+    is_isaac = source.options.joint_order == ISAAC_LAB
     ordered = [breadth_first(robot, n) if is_isaac else n for n in found]
     if len(found) == 1:
         return ordered[0], ()
@@ -199,7 +199,7 @@ def _excess(positions: np.ndarray, names: tuple[str, ...], robot: Description) -
 
 def isaac_joints(source: MotionSource) -> tuple[str, ...]:
     """Name the 29 joints of a format that has Isaac Lab's order."""
-    is_other = source.joint_order not in (None, ISAAC_LAB)
+    is_other = source.options.joint_order not in (None, ISAAC_LAB)
     return G1_JOINTS[29] if is_other else ISAAC_JOINTS
 
 

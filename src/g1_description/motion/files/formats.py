@@ -48,7 +48,12 @@ from g1_description.motion.files.conventions import (
     with_endings,
 )
 from g1_description.motion.files.hints import hints
-from g1_description.motion.files.source import MAX_FILE_SIZE, MotionSource
+from g1_description.motion.files.source import (
+    MAX_FILE_SIZE,
+    USUAL,
+    MotionSource,
+    ReadOptions,
+)
 from g1_description.motion.files.writing import mean_rate
 from g1_description.motion.motion import Motion, fitted
 from g1_description.motion.paths import rate_in, with_rate
@@ -161,38 +166,21 @@ OTHERS = {b"\x89HDF": "HDF5", b"PAR1": "Parquet"}
 """Formats of data sets that need large libraries, by first bytes."""
 
 
-def read_motion(
-    path: Path,
-    robot: Description,
-    rate: float | None = None,
-    topic: str | None = None,
-    order: str | None = None,
-    name: str | None = None,
-    joint_order: str | None = None,
-) -> Motion:
+def read_motion(path: Path, robot: Description, options: ReadOptions = USUAL) -> Motion:
     """Read a motion of a robot from a file; its format is detected by content.
 
     Args:
         path: The file or folder, or ``FILE#NAME`` for one of several motions in a file.
         robot: The robot; joints that it does not have are ignored, with a note.
-        rate: Samples per second of a file without times.
-        topic: Topic of the joints in a bag; None: the usual one.
-        order: Of base quaternions in the file, xyzw or wxyz; None: that of the format,
-            or by the feet.
-        name: Of the format, one of ``FORMATS``; None: found by content.
-        joint_order: Of joints without names, mujoco or isaaclab; None: that of the
-            format.
+        options: How it is read.
 
     Raises:
         MotionError: If the file cannot be read, or its motion does not fit the robot.
     """
-    source = MotionSource(path, rate, topic, order, joint_order)
-    return read_source(source, robot, name)
+    return read_source(MotionSource(path, options), robot)
 
 
-def read_source(
-    source: MotionSource, robot: Description, name: str | None = None, fits: bool = True
-) -> Motion:
+def read_source(source: MotionSource, robot: Description, fits: bool = True) -> Motion:
     """Read a motion as ``read_motion`` does; a source reads its file only once.
 
     Of several formats that recognise the file, the first one that can read it does.
@@ -200,12 +188,11 @@ def read_source(
     Args:
         source: The file.
         robot: The robot.
-        name: Of the format.
         fits: Whether joints that the robot does not have are left out.
     """
     errors: dict[str, MotionError] = {}
     try:
-        for own, module in _formats(source, name):
+        for own, module in _formats(source):
             try:
                 motion = _read(source, module, robot, fits)
             except MotionError as error:
@@ -243,15 +230,15 @@ def _read(
     motion = replace(
         motion, notes=(*motion.notes, *_ignored(source, module, motion, robot))
     )
-    if source.rate is not None and motion.has_times:
-        ignored = f"the rate of {source.rate:g} Hz is ignored"
+    if source.options.rate is not None and motion.has_times:
+        ignored = f"the rate of {source.options.rate:g} Hz is ignored"
         notes = (*motion.notes, f"The file has its own times: {ignored}.")
         motion = replace(motion, notes=notes)
     motion = fitted(motion, robot) if fits else motion
     if module is not bag:  # ROS uses radians
         check_radians(motion, robot)
         order = "wxyz" if module in W_FIRST else "xyzw"
-        is_open = source.order is None and not source.is_settled
+        is_open = source.options.order is None and not source.is_settled
         is_fixed = is_open and module in (*W_FIRST, *W_LAST)
         found = hints(motion, robot, order if is_fixed else None, is_open)
         motion = replace(motion, notes=(*motion.notes, *found))
@@ -263,10 +250,14 @@ def _ignored(
 ) -> Sequence[str]:
     """Tell which options the file leaves no choice for."""
     found = []
-    if source.order is not None and module not in (*W_FIRST, *W_LAST, *ORDER_OPEN):
+    if source.options.order is not None and module not in (
+        *W_FIRST,
+        *W_LAST,
+        *ORDER_OPEN,
+    ):
         found.append("The file has no quaternions in an order: --order is ignored.")
     names = motion.joint_names
-    if source.joint_order == ISAAC_LAB and names != breadth_first(robot, names):
+    if source.options.joint_order == ISAAC_LAB and names != breadth_first(robot, names):
         found.append("The file names its joints: --input-joint-order is ignored.")
     return found
 
@@ -309,18 +300,17 @@ def format_name(source: MotionSource) -> str:
     return source.format or next(_formats(source))[0]
 
 
-def _formats(
-    source: MotionSource, name: str | None = None
-) -> Iterator[tuple[str, ModuleType]]:
+def _formats(source: MotionSource) -> Iterator[tuple[str, ModuleType]]:
     """Yield the formats that recognise a file, with their names.
 
     Raises:
         MotionError: If there is none.
     """
+    name = source.options.format
     if name is not None and name not in FORMATS:
         raise MotionError(f"There is no format {name!r}; formats: {listed(FORMATS)}.")
-    if source.topic is not None and not bag.recognise(source):
-        raise MotionError(f"Not a rosbag; the topic {source.topic} needs one.")
+    if source.options.topic is not None and not bag.recognise(source):
+        raise MotionError(f"Not a rosbag; the topic {source.options.topic} needs one.")
     if name is not None:
         if not FORMATS[name].recognise(source):
             raise MotionError(f"The file is not of the format {name}.")

@@ -106,14 +106,14 @@ def read_arrays(
         names = named[0]
     else:
         raise MotionError(f"There are {len(named[0])} names for {n_joints} joints.")
-    base = base_of(places, turns, source.order or "xyzw")
+    base = base_of(places, turns, source.options.order or "xyzw")
     bodies = bodies_in(arrays, n_samples)
     if bodies is not None and not source.is_settled:
         found = (places, turns)
         settled = find_base(source, robot, bodies, positions, [names], "xyzw", found)
         base, notes = settled.poses, (*notes, *settled.notes)
     motion = Motion(np.arange(n_samples), names, positions, None, base, notes)
-    if not source.order and not source.is_settled:
+    if not source.options.order and not source.is_settled:
         motion = w_last(motion, robot, is_told=True)
     return with_rate(source, arrays, motion)
 

@@ -54,7 +54,7 @@ def recognise(source: MotionSource) -> bool:
 def names(source: MotionSource) -> Sequence[str]:
     """List the names of the keys, if these are poses without times."""
     keys = _keys(source)
-    return [] if keys.are_timed or source.rate is not None else keys.names
+    return [] if keys.are_timed or source.options.rate is not None else keys.names
 
 
 def read(source: MotionSource, robot: Description) -> Motion:
@@ -68,9 +68,9 @@ def read(source: MotionSource, robot: Description) -> Motion:
     if keys.are_timed:
         return _motion(source, keys.rows, keys.times - keys.times[0], keys.model, robot)
     times = np.arange(float(len(keys.rows)))
-    if source.rate is not None:
+    if source.options.rate is not None:
         motion = _motion(source, keys.rows, times, keys.model, robot)
-        return source.timed(motion, source.rate, "")
+        return source.timed(motion, source.options.rate, "")
     if source.name is None and len(keys.rows) > 1:
         which = " that increase" if keys.times.any() else ""
         example = f"{source.path.name}#{keys.names[0][:MAX_NAME]}"
@@ -123,7 +123,7 @@ def _motion(
     if base is None:
         return motion
     place, turn = qpos[:, base : base + 3], qpos[:, base + 3 : base + SIZES["free"]]
-    return replace(motion, base_poses=base_of(place, turn, source.order))
+    return replace(motion, base_poses=base_of(place, turn, source.options.order))
 
 
 def _columns(

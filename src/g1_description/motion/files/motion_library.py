@@ -96,7 +96,11 @@ def _turned(source: MotionSource, turns: Any, vectors: np.ndarray) -> bool:
     It is noted if they agree with them in one order.
     """
     is_array = isinstance(turns, np.ndarray) and turns.dtype.kind == "f"
-    if source.order is not None or not is_array or turns.shape != (len(vectors), 4):
+    if (
+        source.options.order is not None
+        or not is_array
+        or turns.shape != (len(vectors), 4)
+    ):
         return False
     rotations = from_rotation_vector(vectors)
     agree = [

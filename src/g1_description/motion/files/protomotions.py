@@ -85,7 +85,7 @@ def read(source: MotionSource, robot: Description) -> Motion:
     times, of_times = arrays.times(n_samples)
     notes += of_times
     motion = Motion(times, joints, positions, velocities, base.poses, notes)
-    if source.order or source.is_settled:
+    if source.options.order or source.is_settled:
         return motion
     return w_last(motion, robot, is_told=True)
 

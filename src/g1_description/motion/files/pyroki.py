@@ -37,7 +37,7 @@ def read(source: MotionSource, robot: Description) -> Motion:
     places = arrays.numbers("base_frame_pos", len(positions), 3)
     turns = arrays.numbers("base_frame_wxyz", len(positions), 4)
     joints, notes = names_of_columns(source, positions, robot)
-    base = base_of(places, turns, source.order)
+    base = base_of(places, turns, source.options.order)
     if "fps" in arrays:
         times, of_times = arrays.times(len(positions))
         notes += of_times

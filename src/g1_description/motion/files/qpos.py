@@ -116,7 +116,7 @@ def read(source: MotionSource, robot: Description) -> Motion:
         velocities = speeds[:, FREE - 1 : FREE - 1 + n_joints]
     times, of_times = _times(arrays, manifest, len(rows))
     notes = (*notes, *of_joints, *of_times)
-    poses = base_of(*base, source.order)
+    poses = base_of(*base, source.options.order)
     bodies = bodies_in(arrays, len(rows))
     if bodies is not None:
         found = find_base(source, robot, bodies, positions, [joints], "wxyz", base)

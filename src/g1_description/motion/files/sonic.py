@@ -127,7 +127,7 @@ def _base(
         root = places[:, :3], turns[:, :4]
         found = find_base(source, robot, bodies, positions, [joints], "wxyz", root)
         return found.poses, found.notes
-    base = base_of(places[:, :3], turns[:, :4], source.order)
+    base = base_of(places[:, :3], turns[:, :4], source.options.order)
     if places.any():
         return base, ()
     why = f"{PLACES} has only zeros" if PLACES in tables else f"{PLACES} is missing"

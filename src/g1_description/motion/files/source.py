@@ -10,7 +10,7 @@ import re
 import stat
 import zlib
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
 from pathlib import Path
 from typing import Any, Callable, Mapping
@@ -69,6 +69,29 @@ NOT_TEXT = {".npz": "npz file", ".pkl": "pickle", ".pickle": "pickle", ".bag": "
 """Extensions of binary formats: text in such files is never a table."""
 
 
+@dataclass(frozen=True)
+class ReadOptions:
+    """How files are read; None leaves it to the file and its format."""
+
+    rate: float | None = None
+    """Samples per second of files without times, in [Hz]; None: the usual one."""
+
+    topic: str | None = None
+    """Topic of the joints in a bag."""
+
+    order: str | None = None
+    """Order of base quaternions, xyzw or wxyz."""
+
+    format: str | None = None
+    """Name of the format; None: found by content."""
+
+    joint_order: str | None = None
+    """Order of joints without names, mujoco or isaaclab."""
+
+
+USUAL = ReadOptions()
+
+
 class MotionSource:
     """A file and options for reading it; its content is read on first use.
 
@@ -76,25 +99,11 @@ class MotionSource:
         MotionError: If there is no such file; by each property if it is damaged.
     """
 
-    def __init__(
-        self,
-        path: Path,
-        rate: float | None = None,
-        topic: str | None = None,
-        order: str | None = None,
-        joint_order: str | None = None,
-    ) -> None:
+    def __init__(self, path: Path, options: ReadOptions = USUAL) -> None:
         self.path, self.name = split(path)
         """The file or folder, and which of its motions; None: it must have one."""
         self.ending = self.path.suffix.lower()
-        self.rate = rate
-        """Samples per second of a file without times, in [Hz]; None: the usual one."""
-        self.topic = topic
-        """Topic of the joints in a bag; None: the usual one."""
-        self.order = order
-        """Of the base's quaternions: xyzw or wxyz; None: that of the format."""
-        self.joint_order = joint_order
-        """Of joints without names: mujoco or isaaclab; None: that of the format."""
+        self.options = options
         self.format = ""
         """Name of the format in which it was read."""
         self.is_settled = False
@@ -224,9 +233,9 @@ class MotionSource:
         )
 
     @property
-    def told_rate(self) -> float | None:
-        """The rate that the user or the name of the file tells, in [Hz]; None: none."""
-        return self.rate or rate_in(self.path)
+    def known_rate(self) -> float | None:
+        """The rate that the user or the name of the file gives, in [Hz]; None: none."""
+        return self.options.rate or rate_in(self.path)
 
     def timed(self, motion: Motion, usual: float, why: str) -> Motion:
         """Give times to the samples of a file without a rate.
@@ -237,7 +246,7 @@ class MotionSource:
                 the file tells it.
             why: Whose rate that is, for the message.
         """
-        rate, notes = self.rate, motion.notes
+        rate, notes = self.options.rate, motion.notes
         if rate is None:
             named = rate_in(self.path)
             rate, why = (named, "as its name says") if named else (usual, why)

@@ -84,7 +84,7 @@ def read(source: MotionSource, robot: Description) -> Motion:
     assert text is not None
     kind = _kind(source, text)
     if kind:
-        raise NoMotionError(f"This is {kind}, not a motion.")
+        raise NoMotionError(f"This is {kind}.")
     above, comment = 0, ""
     for number, line in _lines(text):
         if not line.startswith("#"):
@@ -153,7 +153,7 @@ def unnamed(
     joints, notes = names_of_columns(source, positions, robot)
     times = np.arange(len(values), dtype=float)
     motion = Motion(times, joints, positions, base_poses=base, notes=notes)
-    motion = w_last(motion, robot, source.order)
+    motion = w_last(motion, robot, source.options.order)
     return source.timed(motion, usual, why)
 
 
@@ -215,7 +215,7 @@ def _headed(
     has_velocities = any(name.endswith(VELOCITY) for name in names)
     own = {joint.name for joint in robot.movable_joints}
     is_untimed = TIME not in names and bool(own & {*joints})
-    has_rate = is_untimed and source.told_rate is not None
+    has_rate = is_untimed and source.known_rate is not None
     timing = () if has_rate else (TIME,)
     needed = [*timing, *(BASE if base else ()), *(velocities if has_velocities else ())]
     missing = [name for name in needed if name not in names]
@@ -238,7 +238,7 @@ def _headed(
     def of(needed: Sequence[str]) -> np.ndarray:
         return values[:, [names.index(name) for name in needed]]
 
-    if base and source.order is not None:
+    if base and source.options.order is not None:
         notes.append("The header names the quaternion: --order is ignored.")
     motion = Motion(
         np.arange(len(values)) if has_rate else values[:, names.index(TIME)],
