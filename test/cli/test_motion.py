@@ -5,7 +5,6 @@ import os
 import signal
 import sys
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,6 +19,7 @@ from g1_description.cli import motion, start
 from g1_description.errors import InvalidValueError
 from g1_description.motion.files import formats
 from g1_description.motion.files.conventions import G1_JOINTS
+from g1_description.motion.files.format import Format
 from g1_description.motion.motion import Motion
 
 
@@ -315,10 +315,11 @@ def read_one(source, robot):
     return Motion(np.arange(2.0), (ARM,), np.array([[0.0], [reach]]))
 
 
-SEVERAL = SimpleNamespace(
-    recognise=lambda source: (source.text or "").startswith("several:"),
+SEVERAL = Format(
+    "several",
+    lambda source: (source.text or "").startswith("several:"),
+    read_one,
     names=several,
-    read=read_one,
 )
 
 

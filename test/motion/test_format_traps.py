@@ -483,42 +483,13 @@ def test_neighbours_of_a_file_are_read_where_it_is(tmp_path, file):
 
 
 @pytest.mark.parametrize(
-    "content",
-    [
-        lambda: npz(qpos=configurations(), fps=30),
-        lambda: loco_mujoco([0, 3, N]),
-        amp,
-        lambda: holomotion("ref_"),
-        lambda: table(seed_columns()).encode(),
-    ],
-)
-def test_a_damaged_file_is_read_or_refused_with_a_sentence(g1, file, content):
-    whole, random, refused = content(), np.random.default_rng(5), 0
-    for _ in range(100):
-        data = bytearray(whole[: random.integers(1, len(whole) + 1)])
-        for _ in range(random.integers(0, 4)):
-            data[random.integers(len(data))] = random.integers(256)
-        try:
-            read_motion(file(bytes(data)), g1)
-        except MotionError as error:
-            assert str(error).endswith(".")
-            refused += 1
-    assert refused > 40
-
-
-@pytest.mark.parametrize(
     "arrays",
     [
         {"qpos": np.zeros(36)},
-        {"qpos": np.zeros((N, 3))},
         {"qpos": np.zeros((0, 36)), "fps": 30},
-        {"qpos": configurations(), "fps": 0},
-        {"qpos": configurations(), "fps": 30, "joint_names": np.zeros(29)},
         {"qpos": configurations(), "fps": 30, "joint_names": np.array(["a"] * 40)},
         {"qpos": configurations(), "split_points": np.zeros((2, 2)), "fps": 30},
-        {"qpos": configurations(), "qvel": np.zeros((1, 35)), "fps": 30},
         {"joint_pos": np.zeros(3), "joint_names": np.array(["a"]), "body_names": "a"},
-        {"metadata": "x", "ref_dof_pos": 1.0, "ref_global_translation": 1.0},
         {
             "metadata": "{}",
             "ref_dof_pos": np.zeros((N, 29)),
@@ -534,16 +505,9 @@ def test_arrays_of_wrong_shapes_are_told(g1, file, arrays):
         read_motion(file(npz(**arrays)), g1)
 
 
-def wide():
-    rows = np.zeros((1, 7 + 7_000_000))
-    rows[0, 3] = 1.0
-    return npz(qpos=rows, fps=30)
-
-
 @pytest.mark.parametrize(
     "content, words",
     [
-        (wide, "has 7000000 unnamed joints"),
         (
             lambda: npz(
                 qpos=configurations(), fps=30, split_points=np.zeros(9_000_000)

@@ -396,14 +396,6 @@ TWO_BODIES = {
 BAD = {
     "body nan": (lambda: npz(**TWO_BODIES), "body_pos_w must be fin"),
     "header": (lambda: npz_with("{'descr': ("), "The file cannot be read"),
-    "negative two": (
-        lambda: npz_with(HEADER.format("(-1, -5)")),
-        "The file cannot be read",
-    ),
-    "large": (
-        lambda: npz_with(HEADER.format(f"(0, {2**70})")),
-        "The file cannot be read",
-    ),
     "alias": (
         lambda: pickle.dumps({**gmr(), "dof_pos": nested(9)}),
         "must contain numbers",
@@ -412,21 +404,9 @@ BAD = {
         lambda: pickle.dumps({"a\nb": 1}),
         r"No known format has the arrays 'a\\nb'",
     ),
-    "alias of an npy": (
-        lambda: pickle.dumps({"npy": nested(9)}),
-        "No known format has the arrays npy",
-    ),
     "alias of frames": (
         lambda: pickle.dumps({"loop_mode": 0, "fps": 1, "frames": nested(9)}),
         "frames must contain numbers",
-    ),
-    "alias of axes": (
-        lambda: pickle.dumps({"root_trans_offset": 1.0, "pose_aa": nested(9)}),
-        "array dof is missing",
-    ),
-    "ragged": (
-        lambda: pickle.dumps({**gmr(), "dof_pos": [[1], 2]}),
-        "must contain numbers",
     ),
     "names": ("joint_names: [&a x, *a]\npoints: []\n", "Line 1 has an anchor"),
     "wide": (",".join(["0.5"] * 1_000_000), "Line 1 has 3999999 characters"),
@@ -455,10 +435,6 @@ BAD = {
     "joblib": (
         lambda: zlib.compress(pickle.dumps(gmr()))[:-20],
         "The compressed file ends too early",
-    ),
-    "wrapper": (
-        b"\x80\x02cjoblib.numpy_pickle\nNumpyArrayWrapper\n",
-        "The pickle ends too early",
     ),
     "torch": (lambda: zipped("library/data.pkl"), "The pickle ends too early"),
     "zip": (lambda: zipped("motion.csv"), "a zip file without arrays"),
@@ -494,12 +470,10 @@ BAD = {
     "base": ("time,base_x,left_elbow_joint\n0,1,2\n", "base_y"),
     "backward": ("time,left_elbow_joint\n1,0\n0,0\n", "must increase"),
     "strangers": ("time,a,b\n0,1,2\n", "none of the motion's joints, a, b"),
-    "no zip": (b"PK\x03\x04" + bytes(100), "Not an npz: a zip file without"),
     "underscore": (ROW.replace("0.8", "1_0"), "expected a number .got '1_0'"),
     "velocity": ("time,a,b,a.velocity\n0,1,2,3\n", "but lacks b.velocity"),
     "stray": ("time,a,a.velocity,b.velocity\n0,1,2,3\n", "has b.velocity, but no"),
     "claims": (lambda: claims((10**9, 10)), "The file cannot be read"),
-    "negative": (lambda: claims((-1, 10)), "The file cannot be read"),
     "objects": (
         lambda: npz(**{**gmr(), "dof_pos": np.array([{}])}),
         "dof_pos must contain numbers",
@@ -509,8 +483,6 @@ BAD = {
         lambda: pickle.dumps({**gmr(), "root_pos": np.zeros((2, 3))}),
         "root_pos",
     ),
-    "rate": (lambda: pickle.dumps({**gmr(), "fps": 0}), "fps must be"),
-    "text": (lambda: pickle.dumps({**gmr(), "fps": "x"}), "fps must contain numbers"),
     "list": (lambda: pickle.dumps([1, 2]), "must contain a dict .got list"),
     "memo": (b"\x80\x02Nr\xff\xff\xff\x7f.", "must contain a dict .got NoneType"),
     "cut": (lambda: pickle.dumps(gmr())[:-30], "ends too early"),
@@ -547,11 +519,11 @@ def test_what_is_no_motion_is_told_in_a_sentence_and_at_once(g1, file, case):
 @pytest.mark.parametrize(
     ("name", "words"),
     [
-        ("n.npz", "Not a valid npz file\\."),
-        ("n.NPZ", "Not a valid npz file\\."),
-        ("n.pkl", "Not a valid pickle\\."),
-        ("n.pickle", "Not a valid pickle\\."),
-        ("n.bag", "Not a valid rosbag\\."),
+        ("n.npz", "Not a valid npz file, but text\\."),
+        ("n.NPZ", "Not a valid npz file, but text\\."),
+        ("n.pkl", "Not a valid pkl file, but"),
+        ("n.npy", "Not a valid npy file, but"),
+        ("n.bag", "Not a valid bag file, but"),
         ("n.yaml", "Not YAML of a JointTrajectory: expected keys"),
     ],
 )
@@ -599,25 +571,3 @@ def test_folders_pipes_and_large_files_are_told(g1, tmp_path):
     ):
         with pytest.raises(MotionError, match=words):
             read_motion(path, g1)
-
-
-@pytest.mark.parametrize("case", ["npz", "pickle", "table", "echo"])
-def test_a_damaged_file_is_read_or_refused_and_nothing_else(g1, file, case):
-    content = gmr()
-    whole = {
-        "npz": npz(**{name: a for name, a in content.items() if a is not None}),
-        "pickle": pickle.dumps(content),
-        "table": f"{ROW}\n{ROW}\n".encode(),
-        "echo": ECHO.encode(),
-    }[case]
-    random = np.random.default_rng(11)
-    refused = 0
-    for _ in range(150):
-        data = bytearray(whole[: random.integers(1, len(whole) + 1)])
-        for _ in range(random.integers(0, 4)):
-            data[random.integers(len(data))] = random.integers(256)
-        try:
-            read_motion(file(bytes(data)), g1)
-        except MotionError:
-            refused += 1
-    assert refused > 50

@@ -5,12 +5,14 @@ from __future__ import annotations
 import io
 from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import replace
 from typing import IO, Any, Mapping
 
 import numpy as np
 
 from g1_description.errors import MotionError, cause
 from g1_description.motion.files.pickles import read_pickled
+from g1_description.motion.motion import Motion
 from g1_description.text import MAX_NAME
 
 MAX_SIZE = 12_000_000
@@ -118,19 +120,17 @@ class Arrays(Mapping[str, Any]):
             raise MotionError(f"{name} must be a dictionary of arrays.")
         return Arrays(found)
 
-    def times(
-        self, n_samples: int, name: str = "fps"
-    ) -> tuple[np.ndarray, tuple[str, ...]]:
-        """Compute times from a rate.
+    def timed(self, motion: Motion, name: str = "fps") -> Motion:
+        """Give times to the samples of a motion.
 
         Args:
-            n_samples: Number of samples.
-            name: Of the rate.
-
-        Returns:
-            Times in [s], shape (n_samples,), and a message if the rate is doubtful. One
-            of at most 0.1 is taken for the period of the samples.
+            motion: With any times.
+            name: Of the rate; one of at most 0.1 is taken for the period of the
+                samples, with a message. Without it the motion has no times.
         """
+        if name not in self or self[name] is None:
+            return replace(motion, has_times=False)
+        n_samples = len(motion.times)
         rate = self._number(name).ravel()
         if rate.size != 1 or not 0.0 < rate[0] < 1e6:
             raise MotionError(
@@ -149,7 +149,8 @@ class Arrays(Mapping[str, Any]):
                 f"{fps:.6g} is the sample period in seconds, set {name} to "
                 f"{1.0 / fps:.6g}."
             )
-        return np.arange(n_samples) / fps, (note,) if note else ()
+        notes = (*motion.notes, note) if note else motion.notes
+        return replace(motion, times=np.arange(n_samples) / fps, notes=notes)
 
     def _number(self, name: str) -> np.ndarray:
         """Read a number, which some files have as text."""

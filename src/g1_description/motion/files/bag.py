@@ -17,14 +17,13 @@ import numpy as np
 
 from g1_description.errors import MotionError, cause
 from g1_description.motion.files.arrays import MAX_SIZE
+from g1_description.motion.files.format import Format
 from g1_description.motion.files.source import MotionSource
 from g1_description.motion.motion import Motion, sample
 from g1_description.robot.assembly import base_of
 from g1_description.robot.description import Description
 from g1_description.robot.transform import IDENTITY, compose
 from g1_description.text import listed
-
-ENDINGS = (".bag",)
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection
@@ -590,3 +589,6 @@ def _stream(topic: str, parts: Sequence[tuple[int, Any, Any]]) -> Motion:
         rows.append((0, time, joints.names, point.positions, point.velocities))
         path += [(time, time, pose) for *_, pose in (_path(base) if base else ())]
     return _joined(topic, rows, lambda _: (topic, path))
+
+
+FORMAT = Format("bag", recognise, read, (".bag",))

@@ -14,7 +14,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -25,8 +24,8 @@ from g1_description.motion.files.conventions import (
     breadth_first,
     layouts,
     names_of_columns,
-    read_velocities,
 )
+from g1_description.motion.files.format import Format, Writer
 from g1_description.motion.files.source import MotionSource
 from g1_description.motion.files.writing import (
     bodies,
@@ -42,8 +41,6 @@ from g1_description.robot.description import Description
 from g1_description.text import MAX_NAME
 
 ARRAYS = ("fps", "joint_pos", "body_pos_w", "body_quat_w")
-
-ENDINGS = (".npz",)
 
 OVERHEAD = 20_000
 """Most bytes of an npz without numbers and names."""
@@ -72,7 +69,9 @@ def read(source: MotionSource, robot: Description) -> Motion:
     n_samples, n_joints = positions.shape
     places = arrays.numbers("body_pos_w", n_samples, None, 3)
     turns = arrays.numbers("body_quat_w", n_samples, places.shape[1], 4)
-    velocities = read_velocities(arrays, "joint_vel", positions)
+    velocities = None
+    if "joint_vel" in arrays:
+        velocities = arrays.numbers("joint_vel", *positions.shape)
     if not places.shape[1]:
         raise MotionError("body_pos_w must have at least one body, the root.")
     named = links = None
@@ -103,12 +102,7 @@ def read(source: MotionSource, robot: Description) -> Motion:
     notes = (*notes, *lacking)
     times = np.arange(n_samples)
     motion = Motion(times, names, positions, velocities, base.poses, notes)
-    if "fps" in arrays:
-        times, of_times = arrays.times(n_samples)
-        return replace(motion, times=times, notes=(*notes, *of_times))
-    if source.known_rate is None:
-        raise MotionError("The array fps is missing: give the rate, --fps.")
-    return source.timed(motion, CONTROL_RATE, "")
+    return arrays.timed(motion)
 
 
 def _orders(
@@ -218,3 +212,18 @@ def _for_training(
     }
     content = {name: array.astype(np.float32) for name, array in arrays.items()}
     return npz({"fps": np.array([number(fps)]), **content}), notes
+
+
+FORMAT = Format(
+    "tracking",
+    recognise,
+    read,
+    (".npz",),
+    order="wxyz",
+    arrays=ARRAYS,
+    writers={
+        "npz": Writer(".npz", write, most_samples=most_samples),
+        "mjlab": Writer(".npz", write_mjlab),
+        "whole_body_tracking": Writer(".npz", write_whole_body_tracking),
+    },
+)

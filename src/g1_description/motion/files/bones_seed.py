@@ -15,14 +15,13 @@ import numpy as np
 
 from g1_description.errors import MotionError
 from g1_description.motion.files import table
+from g1_description.motion.files.format import Format, Writer
 from g1_description.motion.files.source import MotionSource
 from g1_description.motion.files.writing import prepared
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.robot.rotation import axes_to_rpy, from_rpy, to_axes
 from g1_description.text import listed
-
-ENDINGS = (".csv",)
 
 FRAME = "Frame"
 PLACE = tuple(f"root_translate{axis}" for axis in "XYZ")
@@ -68,8 +67,8 @@ def read(source: MotionSource, robot: Description) -> Motion:
     base = np.concatenate([CM * place, from_rpy(np.radians(turn))], axis=1)
     names = tuple(name[: -len(JOINT)] for name in joints)
     times = np.arange(len(base), dtype=float)
-    motion = Motion(times, names, np.radians(degrees), base_poses=base, notes=notes)
-    return source.timed(motion, USUAL_RATE, "the rate of BONES-SEED")
+    angles = np.radians(degrees)
+    return Motion(times, names, angles, None, base, notes, has_times=False)
 
 
 def _check_units(place: np.ndarray, degrees: np.ndarray) -> tuple[str, ...]:
@@ -107,3 +106,15 @@ def write(
     header, *rows = table.rows_text(np.concatenate(values, axis=1), names).split("\n")
     lines = [f"{FRAME},{header}", *(f"{n},{row}" for n, row in enumerate(rows[:-1]))]
     return "\r\n".join([*lines, ""]).encode(), notes
+
+
+FORMAT = Format(
+    "bones_seed",
+    recognise,
+    read,
+    (".csv",),
+    assumed_rate=USUAL_RATE,
+    rate_of="the rate of BONES-SEED",
+    is_text=True,
+    writers={"bones_seed": Writer(".csv", write, USUAL_RATE)},
+)

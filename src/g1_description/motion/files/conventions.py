@@ -12,7 +12,6 @@ from dataclasses import replace
 import numpy as np
 
 from g1_description.errors import MotionError
-from g1_description.motion.files.arrays import Arrays
 from g1_description.motion.files.source import MotionSource
 from g1_description.motion.motion import Motion
 from g1_description.robot.assembly import WORLD
@@ -21,7 +20,6 @@ from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.rotation import rotate
 from g1_description.robot.transform import IDENTITY, compose
 from g1_description.robot.tree import below
-from g1_description.text import listed
 
 LEG = ("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll")
 WAIST = ("waist_yaw", "waist_roll", "waist_pitch")
@@ -227,38 +225,6 @@ def known_velocities(motion: Motion) -> np.ndarray | None:
     if velocities is None or velocities.any() or len(positions) < 2:
         return velocities
     return None if np.ptp(positions, axis=0).any() else velocities
-
-
-def read_velocities(
-    arrays: Arrays, name: str, positions: np.ndarray
-) -> np.ndarray | None:
-    """Read an array of velocities; None if it is missing.
-
-    Args:
-        arrays: Those of the file.
-        name: Of the velocities.
-        positions: Of the joints, shape (n_samples, n_joints).
-
-    Raises:
-        MotionError: If it has another shape than the positions.
-    """
-    if name not in arrays:
-        return None
-    return arrays.numbers(name, *positions.shape)
-
-
-def check_root(links: Sequence[str], robot: Description) -> None:
-    """Check that the base is among the bodies of a file.
-
-    Args:
-        links: Names of the bodies.
-        robot: The robot.
-
-    Raises:
-        MotionError: If it is missing.
-    """
-    if robot.root not in links:
-        raise MotionError(f"The bodies lack the base, {robot.root}: {listed(links)}.")
 
 
 def w_last(

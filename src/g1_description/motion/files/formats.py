@@ -1,42 +1,31 @@
 """The table of motion formats, and reading and writing by it.
 
-A format is a module with ``recognise(source)``, which examines a file's content,
-``read(source, robot)``, and ``ENDINGS``, the extensions of its files in folders. If its
-files may have several motions, it has ``names(source)``, too. Those that are written
-are in ``WRITERS``; to be recorded, a module has ``most_samples``.
+A format is a record of ``format.Format``; the tables here follow from the records.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from types import ModuleType
-from typing import Callable, Mapping, Union
+from typing import Mapping
 
 from g1_description.errors import MotionError
 from g1_description.files.atomic import write_whole
 from g1_description.motion.files import (
-    amp_dataset,
-    amp_text,
+    array_formats,
     bag,
     beyond_mimic,
     bones_seed,
+    frames,
     gmr,
-    hdmi,
     holomotion,
-    isaac_amp,
     keyframes,
-    mimickit,
     motion_library,
-    npy_table,
-    phuma,
     policy,
     protomotions,
-    pyroki,
     qpos,
     sonic,
-    sonic_deploy,
     table,
     trajectory_yaml,
 )
@@ -47,6 +36,7 @@ from g1_description.motion.files.conventions import (
     known_velocities,
     with_endings,
 )
+from g1_description.motion.files.format import OPEN, Format, Writer
 from g1_description.motion.files.hints import hints
 from g1_description.motion.files.source import (
     MAX_FILE_SIZE,
@@ -54,113 +44,53 @@ from g1_description.motion.files.source import (
     MotionSource,
     ReadOptions,
 )
-from g1_description.motion.files.writing import mean_rate
 from g1_description.motion.motion import Motion, fitted
-from g1_description.motion.paths import rate_in, with_rate
+from g1_description.motion.paths import rate_in
 from g1_description.robot.description import Description
 from g1_description.text import listed
 
-Content = Union[bytes, Mapping[str, bytes]]
-"""Of a file, or of a folder's files by name."""
-
-FORMATS: Mapping[str, ModuleType] = {
-    "bag": bag,
-    "qpos": qpos,
-    "hdmi": hdmi,
-    "tracking": beyond_mimic,
-    "isaac_amp": isaac_amp,
-    "holomotion": holomotion,
-    "pyroki": pyroki,
-    "npy": npy_table,
-    "gmr": gmr,
-    "motion_library": motion_library,
-    "sonic_deploy": sonic_deploy,
-    "mimickit": mimickit,
-    "phuma": phuma,
-    "protomotions": protomotions,
-    "amp_dataset": amp_dataset,
-    "amp_text": amp_text,
-    "policy": policy,
-    "keyframes": keyframes,
-    "bones_seed": bones_seed,
-    "sonic": sonic,
-    "trajectory": trajectory_yaml,
-    "table": table,
+FORMATS: Mapping[str, Format] = {
+    own.name: own
+    for own in (
+        bag.FORMAT,
+        qpos.FORMAT,
+        *array_formats.FORMATS,
+        beyond_mimic.FORMAT,
+        holomotion.FORMAT,
+        table.NPY_FORMAT,
+        gmr.FORMAT,
+        motion_library.FORMAT,
+        frames.MIMICKIT,
+        protomotions.FORMAT,
+        frames.AMP_TEXT,
+        policy.FORMAT,
+        keyframes.FORMAT,
+        bones_seed.FORMAT,
+        sonic.FORMAT,
+        trajectory_yaml.FORMAT,
+        table.FORMAT,
+    )
 }
 """Formats by name. The first one that recognises a file and can read it does; a
 table is any other text."""
 
-W_FIRST = (
-    *(beyond_mimic, hdmi, isaac_amp, keyframes, policy, pyroki, qpos, sonic),
-    sonic_deploy,
-)
-W_LAST = (holomotion,)
-"""Formats on whose order of quaternions all publishers agree."""
-
-ORDER_OPEN = (
-    *(table, npy_table, gmr, motion_library, phuma, amp_dataset, protomotions),
-)
-"""Formats of which publishers disagree on it, so that the feet decide."""
-
-ENDINGS = tuple(
-    sorted({ending for module in FORMATS.values() for ending in module.ENDINGS})
-)
+ENDINGS = tuple(sorted({end for own in FORMATS.values() for end in own.endings}))
 """Extensions of motions in folders; files that are given may have any name."""
 
-
-@dataclass(frozen=True)
-class Writer:
-    """How a format is written."""
-
-    ending: str
-    """Extension of its files; empty: it is a folder."""
-
-    write: Callable[[Motion, Description, float | None], tuple[Content, Sequence[str]]]
-    """Given a motion, its robot and a rate in [Hz] (None: that of the motion), returns
-    the file's bytes, or those of a folder's files by name, and messages on differences
-    from the motion."""
-
-    assumed: float | None = None
-    """Rate in [Hz] that readers assume; None: it is in the file."""
-
-    fixed: float | None = None
-    """Rate in [Hz] of all files; None: that of the motion."""
-
-    merged: Callable[[Mapping[str, bytes]], bytes] | None = None
-    """Makes a file of several motions of their files by name; None: it has only one."""
-
-    def rate(self, motion: Motion, rate: float | None) -> float:
-        """Return the rate of the samples that are written, in [Hz]."""
-        return self.fixed or mean_rate(motion, rate)
-
-    def place(self, path: Path, motion: Motion) -> Path:
-        """Return a path whose name has no other rate than its motion."""
-        is_open = self.assumed is not None
-        return with_rate(path, self.rate(motion, None)) if is_open else path
-
-
-WRITERS: Mapping[str, Writer] = {
-    "csv": Writer(".csv", table.write),
-    "npz": Writer(".npz", beyond_mimic.write),
-    "lafan1": Writer(".csv", table.write_lafan1, table.DEFAULT_RATE),
-    "kimodo": Writer(".csv", table.write_kimodo, table.DEFAULT_RATE),
-    "bones_seed": Writer(".csv", bones_seed.write, bones_seed.USUAL_RATE),
-    "sonic": Writer("", sonic.write, sonic.RATE, sonic.RATE),
-    "mjlab": Writer(".npz", beyond_mimic.write_mjlab),
-    "whole_body_tracking": Writer(".npz", beyond_mimic.write_whole_body_tracking),
-    "qpos": Writer(".npz", qpos.write),
-    "holomotion": Writer(".npz", holomotion.write),
-    "gmr": Writer(".pkl", gmr.write),
-    "motion_library": Writer(
-        ".pkl", motion_library.write, merged=motion_library.merged
-    ),
+BINARY = {
+    ending for own in FORMATS.values() if not own.is_text for ending in own.endings
 }
+"""Extensions of binary formats: text in such files is never a table."""
+
+_written = {name: w for own in FORMATS.values() for name, w in own.writers.items()}
+WRITERS: Mapping[str, Writer] = dict(
+    sorted(_written.items(), key=lambda item: (item[1].most_samples is None, item[0]))
+)
 """Formats that can be written, by name. The first one of an extension is its usual
-one."""
+one; those that can be recorded come first."""
 
-WRITTEN: Mapping[str, ModuleType] = {".csv": table, ".npz": beyond_mimic}
+WRITTEN = {w.ending: w.most_samples for w in WRITERS.values() if w.most_samples}
 """Formats that can be recorded, by extension."""
-
 
 OTHERS = {b"\x89HDF": "HDF5", b"PAR1": "Parquet"}
 """Formats of data sets that need large libraries, by first bytes."""
@@ -192,13 +122,13 @@ def read_source(source: MotionSource, robot: Description, fits: bool = True) -> 
     """
     errors: dict[str, MotionError] = {}
     try:
-        for own, module in _formats(source):
+        for own in _formats(source):
             try:
-                motion = _read(source, module, robot, fits)
+                motion = _read(source, own, robot, fits)
             except MotionError as error:
-                errors[own] = error
+                errors[own.name] = error
             else:
-                source.format = own
+                source.format = own.name
                 notes = (f"Not read as {_reasons(errors)}",) if errors else ()
                 return replace(motion, notes=(*motion.notes, *notes))
     except MotionError as error:  # on content that only other formats examine
@@ -214,47 +144,42 @@ def _reasons(errors: Mapping[str, MotionError]) -> str:
     return "; ".join(f"{name}: {error}" for name, error in errors.items())
 
 
-def _read(
-    source: MotionSource, module: ModuleType, robot: Description, fits: bool
-) -> Motion:
+def _read(source: MotionSource, own: Format, robot: Description, fits: bool) -> Motion:
     """Read a motion in a format."""
-    if source.name is not None and not _names(module, source):
+    if source.name is not None and not own.names(source):
         raise MotionError("The file has no motions with names.")
     file = source.path.name if source.is_folder else source.path.stem
     source.is_settled = False
-    motion = module.read(source, robot)
+    motion = own.read(source, robot)
+    if not motion.has_times:
+        motion = source.timed(motion, own.assumed_rate, own.rate_of)
     motion = replace(
         motion, name=source.name or file, velocities=known_velocities(motion)
     )
     motion = with_endings(motion, robot)
     motion = replace(
-        motion, notes=(*motion.notes, *_ignored(source, module, motion, robot))
+        motion, notes=(*motion.notes, *_ignored(source, own, motion, robot))
     )
     if source.options.rate is not None and motion.has_times:
         ignored = f"the rate of {source.options.rate:g} Hz is ignored"
         notes = (*motion.notes, f"The file has its own times: {ignored}.")
         motion = replace(motion, notes=notes)
     motion = fitted(motion, robot) if fits else motion
-    if module is not bag:  # ROS uses radians
+    if own is not bag.FORMAT:  # ROS uses radians
         check_radians(motion, robot)
-        order = "wxyz" if module in W_FIRST else "xyzw"
         is_open = source.options.order is None and not source.is_settled
-        is_fixed = is_open and module in (*W_FIRST, *W_LAST)
-        found = hints(motion, robot, order if is_fixed else None, is_open)
+        agreed = None if own.order == OPEN or not is_open else own.order
+        found = hints(motion, robot, agreed, is_open)
         motion = replace(motion, notes=(*motion.notes, *found))
     return motion
 
 
 def _ignored(
-    source: MotionSource, module: ModuleType, motion: Motion, robot: Description
+    source: MotionSource, own: Format, motion: Motion, robot: Description
 ) -> Sequence[str]:
     """Tell which options the file leaves no choice for."""
     found = []
-    if source.options.order is not None and module not in (
-        *W_FIRST,
-        *W_LAST,
-        *ORDER_OPEN,
-    ):
+    if source.options.order is not None and own.order is None:
         found.append("The file has no quaternions in an order: --order is ignored.")
     names = motion.joint_names
     if source.options.joint_order == ISAAC_LAB and names != breadth_first(robot, names):
@@ -269,26 +194,20 @@ def motion_names(path: Path) -> Sequence[str]:
         MotionError: If the file cannot be read.
     """
     source = MotionSource(path)
-    return _names(next(_formats(source))[1], source)
-
-
-def _names(module: ModuleType, source: MotionSource) -> Sequence[str]:
-    """List the names of the motions in a file; empty if they have none."""
-    names: Sequence[str] = module.names(source) if hasattr(module, "names") else ()
-    return names
+    return next(_formats(source)).names(source)
 
 
 def has_neighbours(source: MotionSource) -> bool:
     """Return whether a motion is in several files, as of HDMI and any4hdmi."""
     if not source.is_zip:
         return source.is_folder
-    return hdmi.recognise(source) or qpos.manifest_of(source) is not None
+    return array_formats.is_hdmi(source) or qpos.manifest_of(source) is not None
 
 
 def is_motion_folder(folder: Path) -> bool:
     """Return whether a folder is one motion, as of SONIC and HDMI."""
     source = MotionSource(folder)
-    return any(module.recognise(source) for module in FORMATS.values())
+    return any(own.recognise(source) for own in FORMATS.values())
 
 
 def format_name(source: MotionSource) -> str:
@@ -297,11 +216,11 @@ def format_name(source: MotionSource) -> str:
     Raises:
         MotionError: If there is none.
     """
-    return source.format or next(_formats(source))[0]
+    return source.format or next(_formats(source)).name
 
 
-def _formats(source: MotionSource) -> Iterator[tuple[str, ModuleType]]:
-    """Yield the formats that recognise a file, with their names.
+def _formats(source: MotionSource) -> Iterator[Format]:
+    """Yield the formats that recognise a file.
 
     Raises:
         MotionError: If there is none.
@@ -312,21 +231,32 @@ def _formats(source: MotionSource) -> Iterator[tuple[str, ModuleType]]:
     if source.options.topic is not None and not bag.recognise(source):
         raise MotionError(f"Not a rosbag; the topic {source.options.topic} needs one.")
     if name is not None:
-        if not FORMATS[name].recognise(source):
+        if not _recognises(FORMATS[name], source):
             raise MotionError(f"The file is not of the format {name}.")
-        yield name, FORMATS[name]
+        yield FORMATS[name]
         return
     whole = source if source.name is None else source.whole
     known = whole.recognised
-    for own, module in FORMATS.items():
-        if module is table and any(known.values()):
+    for own in FORMATS.values():
+        if own is table.FORMAT and any(known.values()):
             return
-        if own not in known:
-            known[own] = module.recognise(whole)
-        if known[own]:
-            yield own, module
+        if own.name not in known:
+            known[own.name] = _recognises(own, whole)
+        if known[own.name]:
+            yield own
     if not any(known.values()):
         raise MotionError(_problem(whole))
+
+
+def _recognises(own: Format, source: MotionSource) -> bool:
+    """Return whether a file has a format.
+
+    Raises:
+        MotionError: If it is text where its name says that it is none.
+    """
+    if own.is_text and source.ending in BINARY and source.text is not None:
+        raise MotionError(f"Not a valid {source.ending[1:]} file, but text.")
+    return own.recognise(source)
 
 
 def _problem(source: MotionSource) -> str:
@@ -336,9 +266,8 @@ def _problem(source: MotionSource) -> str:
     names = list(map(str, source.arrays))
     if names:
         found = listed(names)
-        for module in FORMATS.values():
-            arrays = getattr(module, "ARRAYS", ())
-            missing = [name for name in arrays if name not in names]
+        for own in FORMATS.values():
+            missing = [name for name in own.arrays if name not in names]
             if len(missing) == 1:
                 return f"The array {missing[0]} is missing; the file has {found}."
         return f"No known format has the arrays {found}."
@@ -472,7 +401,7 @@ def most_samples(ending: str, joints: Sequence[str], has_base: bool) -> int:
     Raises:
         MotionError: If the format does not support such a motion.
     """
-    count: int = WRITTEN[ending].most_samples(joints, has_base, MAX_FILE_SIZE)
+    count = WRITTEN[ending](joints, has_base, MAX_FILE_SIZE)
     if count < 1:
         raise MotionError(f"{ending} files cannot hold {len(joints)} joints.")
     return count

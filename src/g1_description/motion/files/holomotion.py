@@ -15,19 +15,13 @@ import json
 
 import numpy as np
 
-from g1_description.errors import MotionError
+from g1_description.motion.files.array_formats import Keys, read_arrays
 from g1_description.motion.files.arrays import Arrays
-from g1_description.motion.files.bodies import Bodies, find_base
-from g1_description.motion.files.conventions import (
-    names_of_columns,
-    read_velocities,
-)
+from g1_description.motion.files.format import Format, Writer
 from g1_description.motion.files.source import MotionSource, parsed
 from g1_description.motion.files.writing import bodies, npz, prepared, velocities_of
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
-
-ENDINGS = (".npz",)
 
 METADATA = "metadata"
 
@@ -62,28 +56,14 @@ def read(source: MotionSource, robot: Description) -> Motion:
     """
     arrays = source.arrays
     prefix = PREFIXES[source.chosen(names(source))]
-    positions = arrays.numbers(prefix + JOINTS, None, None)
-    places = _of_bodies(arrays, prefix + PLACES, len(positions), 3)
-    turns = _of_bodies(arrays, prefix + TURNS, len(positions), 4)
-    name = f"{prefix}dof_vels"
-    name = name if name in arrays else f"{prefix}dof_vel"
-    velocities = read_velocities(arrays, name, positions)
+    joints, places, turns = (prefix + name for name in (JOINTS, PLACES, TURNS))
+    speeds = f"{prefix}dof_vels"
+    speeds = speeds if speeds in arrays else f"{prefix}dof_vel"
     metadata = parsed(str(arrays[METADATA]), METADATA)
-    times, of_times = metadata.times(len(positions), "motion_fps")
-    joints, notes = names_of_columns(source, positions, robot)
-    base = find_base(source, robot, Bodies(places, turns), positions, [joints], "xyzw")
-    notes = (*notes, *base.notes, *of_times)
-    return Motion(times, joints, positions, velocities, base.poses, notes)
-
-
-def _of_bodies(arrays: Arrays, name: str, n_samples: int, width: int) -> np.ndarray:
-    """Return an array of all bodies, or of the only one, the base."""
-    if arrays.numbers(name).ndim == 2:
-        return arrays.numbers(name, n_samples, width)[:, np.newaxis]
-    values = arrays.numbers(name, n_samples, None, width)
-    if not values.shape[1]:
-        raise MotionError(f"{name} must have at least one body, the base.")
-    return values
+    has_bodies = np.ndim(arrays[places]) == 3
+    keys = Keys(joints, places, turns, speeds, has_bodies, rate="motion_fps")
+    numbers = {name: arrays[name] for name in keys.own & {*arrays}}
+    return read_arrays(source, Arrays({**numbers, **metadata}), robot, keys, "xyzw")
 
 
 def write(
@@ -122,3 +102,14 @@ def write(
     content = {f"ref_{name}": a.astype(np.float32) for name, a in arrays.items()}
     text = np.array(json.dumps(metadata))
     return npz({METADATA: text, **content}), notes
+
+
+FORMAT = Format(
+    "holomotion",
+    recognise,
+    read,
+    (".npz",),
+    order="xyzw",
+    names=names,
+    writers={"holomotion": Writer(".npz", write)},
+)

@@ -18,12 +18,11 @@ from lxml import etree
 from g1_description.errors import DescriptionError, MotionError, NoMotionError
 from g1_description.files.xml import check_size, local_name, parse_xml
 from g1_description.motion.files.conventions import base_of, names_of_columns
+from g1_description.motion.files.format import Format
 from g1_description.motion.files.source import MotionSource
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.text import MAX_NAME, listed
-
-ENDINGS = (".xml",)
 
 SIZES = {"free": 7, "ball": 4, "slide": 1, "hinge": 1}
 """Numbers of a joint in ``qpos``."""
@@ -70,7 +69,7 @@ def read(source: MotionSource, robot: Description) -> Motion:
     times = np.arange(float(len(keys.rows)))
     if source.options.rate is not None:
         motion = _motion(source, keys.rows, times, keys.model, robot)
-        return source.timed(motion, source.options.rate, "")
+        return replace(motion, has_times=False)
     if source.name is None and len(keys.rows) > 1:
         which = " that increase" if keys.times.any() else ""
         example = f"{source.path.name}#{keys.names[0][:MAX_NAME]}"
@@ -165,3 +164,8 @@ def _numbers(rows: Sequence[str], width: int, what: str) -> np.ndarray:
     if not np.isfinite(found).all():
         raise MotionError(f"{what} must contain finite numbers.")
     return found
+
+
+FORMAT = Format(
+    "keyframes", recognise, read, (".xml",), order="wxyz", names=names, is_text=True
+)

@@ -19,9 +19,11 @@ from typing import Any
 
 import numpy as np
 
+from g1_description.motion.files.array_formats import Keys, read_arrays
 from g1_description.motion.files.arrays import Arrays
 from g1_description.motion.files.conventions import ASAP_JOINTS, layouts
-from g1_description.motion.files.gmr import NAMES, WITHOUT_VELOCITIES, read_arrays
+from g1_description.motion.files.format import OPEN, Format, Writer
+from g1_description.motion.files.gmr import WITHOUT_VELOCITIES
 from g1_description.motion.files.pickles import pickled, read_pickle
 from g1_description.motion.files.source import MotionSource
 from g1_description.motion.files.writing import number, prepared
@@ -29,9 +31,7 @@ from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.robot.rotation import from_rotation_vector, to_rotation_vector
 
-ENDINGS = (".pkl", ".pickle", ".joblib")
-
-ARRAYS = ("root_trans_offset", "root_rot", "dof")
+KEYS = Keys("dof", "root_trans_offset", "root_rot")
 
 W_FIRST = "Base quaternions are read as w x y z: only then do they agree with pose_aa."
 
@@ -53,12 +53,12 @@ NAME = "motion"
 
 def recognise(source: MotionSource) -> bool:
     """Return whether a file has such motions."""
-    return ARRAYS[0] in source.arrays or bool(names(source))
+    return KEYS.places in source.arrays or bool(names(source))
 
 
 def names(source: MotionSource) -> Sequence[str]:
     """List the names of the motions."""
-    return source.arrays.holding(ARRAYS[0])
+    return source.arrays.holding(KEYS.places)
 
 
 def read(source: MotionSource, robot: Description) -> Motion:
@@ -68,7 +68,7 @@ def read(source: MotionSource, robot: Description) -> Motion:
         MotionError: If none is chosen, or an array has a wrong shape or content.
     """
     arrays = source.arrays
-    if ARRAYS[0] not in arrays:
+    if KEYS.places not in arrays:
         arrays = arrays.inside(source.chosen(names(source)))
     found = dict(arrays)
     if "dof" not in found and "dof_pos" in found:
@@ -82,11 +82,11 @@ def read(source: MotionSource, robot: Description) -> Motion:
         elif axes.shape[1] and _turned(source, found["root_rot"], axes[:, 0]):
             found["root_rot"] = found["root_rot"][:, [1, 2, 3, 0]]
             notes = (W_FIRST,)
-        if not {*NAMES} & {*found}:
+        if not {*KEYS.names} & {*found}:
             positions = Arrays(found).numbers("dof", len(axes), None)
             named = _names(axes, positions, robot)
             found.update({"joint_names": named} if named else {})
-    motion = read_arrays(source, Arrays(found), robot, ARRAYS)
+    motion = read_arrays(source, Arrays(found), robot, KEYS, OPEN)
     return replace(motion, notes=(*motion.notes, *notes))
 
 
@@ -176,3 +176,17 @@ def merged(parts: Mapping[str, bytes]) -> bytes:
         name: next(iter(read_pickle(part).values())) for name, part in parts.items()
     }
     return pickled(entries)
+
+
+FORMAT = Format(
+    "motion_library",
+    recognise,
+    read,
+    (".pkl", ".pickle", ".joblib"),
+    order=OPEN,
+    assumed_rate=30.0,
+    rate_of="the rate of most such files",
+    names=names,
+    arrays=KEYS.needed,
+    writers={"motion_library": Writer(".pkl", write, merged=merged)},
+)

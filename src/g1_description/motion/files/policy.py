@@ -21,27 +21,19 @@ from typing import Any, Union
 import numpy as np
 
 from g1_description.errors import MotionError
+from g1_description.motion.files.array_formats import TRACKED, read_arrays
 from g1_description.motion.files.arrays import Arrays
-from g1_description.motion.files.bodies import Bodies, find_base
-from g1_description.motion.files.conventions import (
-    check_root,
-    read_velocities,
-)
+from g1_description.motion.files.format import Format
 from g1_description.motion.files.source import MotionSource
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.text import listed
-
-ENDINGS = (".onnx",)
 
 BEGIN = b"\x08"
 """First byte: the field of the version."""
 
 POSITIONS, VELOCITIES = "joint_pos", "joint_vel"
 PLACES, TURNS = "body_pos_w", "body_quat_w"
-
-RATE = 50.0
-"""In [Hz]."""
 
 MAX_FIELDS = 500_000
 """Most fields of a file that are looked at; a policy has some thousands."""
@@ -68,7 +60,7 @@ Field = Union[int, memoryview]
 
 def recognise(source: MotionSource) -> bool:
     """Return whether a file is an ONNX model, by its ending or its outputs."""
-    if source.ending in ENDINGS:
+    if source.ending in FORMAT.endings:
         return True
     return source.head.startswith(BEGIN) and TURNS.encode() in source.data
 
@@ -80,20 +72,9 @@ def read(source: MotionSource, robot: Description) -> Motion:
         MotionError: If the model is damaged, or has no such motion.
     """
     model = _Model(memoryview(source.data))
-    arrays = Arrays(model.references())
-    joints = model.names("joint_names")
-    links = model.names("body_names")
-    check_root(links, robot)
-    positions = arrays.numbers(POSITIONS, None, len(joints))
-    shape = len(positions), len(links)
-    places = arrays.numbers(PLACES, *shape, 3)
-    turns = arrays.numbers(TURNS, *shape, 4)
-    velocities = read_velocities(arrays, VELOCITIES, positions)
-    bodies = Bodies(places, turns, links)
-    base = find_base(source, robot, bodies, positions, [joints], "wxyz")
-    times = np.arange(len(positions))
-    motion = Motion(times, joints, positions, velocities, base.poses, base.notes)
-    return source.timed(motion, RATE, "the rate of such policies")
+    names = {key: model.names(key) for key in ("joint_names", "body_names")}
+    found = Arrays({**model.references(), **names})
+    return read_arrays(source, found, robot, TRACKED, "wxyz")
 
 
 class _Model:
@@ -249,3 +230,14 @@ def _bytes(value: Any) -> memoryview:
 def _text(value: Any) -> str:
     """Read text; empty if it is missing."""
     return "" if value is None else bytes(_bytes(value)).decode("utf-8", "replace")
+
+
+FORMAT = Format(
+    "policy",
+    recognise,
+    read,
+    (".onnx",),
+    order="wxyz",
+    assumed_rate=50.0,
+    rate_of="the rate of such policies",
+)

@@ -17,18 +17,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from g1_description.errors import MotionError
+from g1_description.motion.files.array_formats import Keys, read_arrays
 from g1_description.motion.files.arrays import Arrays
-from g1_description.motion.files.bodies import Bodies, find_base
-from g1_description.motion.files.conventions import (
-    names_of_columns,
-    read_velocities,
-    w_last,
-)
+from g1_description.motion.files.format import OPEN, Format
 from g1_description.motion.files.source import MotionSource
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
-
-ENDINGS = (".motion", ".pt")
 
 MOTION = ("dof_pos", "rigid_body_pos", "rigid_body_rot", "dof_vel")
 CACHED = ("dof_pos", "body_pos", "body_rot", "dof_vel")
@@ -69,25 +63,9 @@ def read(source: MotionSource, robot: Description) -> Motion:
         keys = LIBRARY
     else:
         keys = MOTION if MOTION[1] in arrays else CACHED
-    positions = arrays.numbers(keys[0], None, None)
-    n_samples = len(positions)
-    places = arrays.numbers(keys[1], n_samples, None, 3)
-    turns = arrays.numbers(keys[2], n_samples, places.shape[1], 4)
-    velocities = read_velocities(arrays, keys[3], positions)
-    if not places.shape[1]:
-        raise MotionError(f"{keys[1]} must have at least one body, the root.")
-    joints, notes = names_of_columns(source, positions, robot)
-    bodies = Bodies(places, turns)
-    base = find_base(source, robot, bodies, positions, [joints], "xyzw")
-    notes += base.notes
     if "control_dt" in arrays:
         arrays = Arrays({**arrays, "fps": _rate(arrays.numbers("control_dt"))})
-    times, of_times = arrays.times(n_samples)
-    notes += of_times
-    motion = Motion(times, joints, positions, velocities, base.poses, notes)
-    if source.options.order or source.is_settled:
-        return motion
-    return w_last(motion, robot, is_told=True)
+    return read_arrays(source, arrays, robot, Keys(*keys, has_bodies=True), OPEN)
 
 
 def _part(arrays: Arrays, index: int) -> Arrays:
@@ -115,3 +93,13 @@ def _rate(period: np.ndarray) -> np.ndarray:
     if not np.all(seconds > 0.0):
         raise MotionError("The period of samples must be greater than 0.")
     return np.array([float(f"{1.0 / second:.6g}") for second in seconds.ravel()])
+
+
+FORMAT = Format(
+    "protomotions",
+    recognise,
+    read,
+    (".motion", ".pt"),
+    order=OPEN,
+    names=names,
+)

@@ -15,7 +15,7 @@ quaternion), which are ignored. Who writes what, and the traps:
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -28,12 +28,11 @@ from g1_description.motion.files.conventions import (
     layouts,
     names_of_columns,
 )
+from g1_description.motion.files.format import Format, Writer
 from g1_description.motion.files.source import MotionSource, parsed
 from g1_description.motion.files.writing import npz, number, prepared
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
-
-ENDINGS = (".npz",)
 
 QPOS, JOINT_NAMES, FREQUENCY = "qpos", "joint_names", "frequency"
 TRACKED = ("joint_pos", JOINT_NAMES, "body_names")
@@ -57,9 +56,6 @@ MAX_MOTIONS = 100_000
 
 UNIT = 0.01
 """Tolerance of the length of a quaternion."""
-
-USUAL_RATE = 30.0
-"""Rate of OmniRetarget and any4hdmi in [Hz]."""
 
 
 def recognise(source: MotionSource) -> bool:
@@ -114,18 +110,21 @@ def read(source: MotionSource, robot: Description) -> Motion:
     velocities = None
     if speeds is not None and speeds.shape[1] >= FREE - 1 + n_joints:
         velocities = speeds[:, FREE - 1 : FREE - 1 + n_joints]
-    times, of_times = _times(arrays, manifest, len(rows))
-    notes = (*notes, *of_joints, *of_times)
+    notes = (*notes, *of_joints)
     poses = base_of(*base, source.options.order)
     bodies = bodies_in(arrays, len(rows))
     if bodies is not None:
         found = find_base(source, robot, bodies, positions, [joints], "wxyz", base)
         poses, notes = found.poses, (*notes, *found.notes)
-    if times is not None:
-        return Motion(times, joints, positions, velocities, poses, notes)
-    times = np.arange(len(rows), dtype=float)
+    times = np.arange(float(len(rows)))
     motion = Motion(times, joints, positions, velocities, poses, notes)
-    return source.timed(motion, USUAL_RATE, "the rate of OmniRetarget and any4hdmi")
+    rate = FREQUENCY if FREQUENCY in arrays else "fps"
+    if rate in arrays or manifest is None or "timestep" not in manifest:
+        return arrays.timed(motion, rate)
+    period = manifest.numbers("timestep").ravel()
+    if period.size != 1 or not period[0] > 0.0:
+        raise MotionError(f"The timestep of {MANIFEST} must be greater than 0.")
+    return replace(motion, times=times * period[0])
 
 
 def _speeds(arrays: Arrays, n_samples: int) -> np.ndarray | None:
@@ -225,22 +224,6 @@ def _count(rest: np.ndarray, robot: Description) -> int:
     return width
 
 
-def _times(
-    arrays: Arrays, manifest: Arrays | None, n_samples: int
-) -> tuple[np.ndarray | None, Sequence[str]]:
-    """Return times, if the file or its manifest has a rate, and messages."""
-    if FREQUENCY in arrays:
-        return arrays.times(n_samples, FREQUENCY)
-    if "fps" in arrays:
-        return arrays.times(n_samples)
-    if manifest is None or "timestep" not in manifest:
-        return None, ()
-    period = manifest.numbers("timestep").ravel()
-    if period.size != 1 or not period[0] > 0.0:
-        raise MotionError(f"The timestep of {MANIFEST} must be greater than 0.")
-    return np.arange(n_samples) * period[0], ()
-
-
 def write(
     motion: Motion, robot: Description, rate: float | None
 ) -> tuple[bytes, tuple[str, ...]]:
@@ -261,3 +244,16 @@ def write(
         JOINT_NAMES: np.array(found.joint_names, dtype=str),
     }
     return npz(arrays), notes
+
+
+FORMAT = Format(
+    "qpos",
+    recognise,
+    read,
+    (".npz",),
+    order="wxyz",
+    assumed_rate=30.0,
+    rate_of="the rate of OmniRetarget and any4hdmi",
+    names=names,
+    writers={"qpos": Writer(".npz", write)},
+)

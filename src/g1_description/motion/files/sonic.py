@@ -25,12 +25,11 @@ from g1_description.motion.files.conventions import (
     base_of,
     isaac_joints,
 )
+from g1_description.motion.files.format import Format, Writer
 from g1_description.motion.files.source import MotionSource
 from g1_description.motion.files.writing import bodies, prepared, velocities_of
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
-
-ENDINGS = ()
 
 RATE = 50.0
 """Samples per second, in [Hz]."""
@@ -80,8 +79,7 @@ def read(source: MotionSource, robot: Description) -> Motion:
     base, notes = _base(source, robot, tables, positions, joints)
     velocities = tables.get(SPEEDS) if joints else None
     times = np.arange(n_samples, dtype=float)
-    motion = Motion(times, joints, positions, velocities, base, notes)
-    return source.timed(motion, RATE, "the rate of all motions of SONIC")
+    return Motion(times, joints, positions, velocities, base, notes, has_times=False)
 
 
 def _table(path: Path) -> np.ndarray:
@@ -196,3 +194,15 @@ def _metadata(n_samples: int) -> str:
         "Metadata for: motion\n==============================\n\nBody part indexes:\n"
         f"[{numbers}]\n\nTotal timesteps: {n_samples}\n"
     )
+
+
+FORMAT = Format(
+    "sonic",
+    recognise,
+    read,
+    order="wxyz",
+    assumed_rate=RATE,
+    rate_of="the rate of all motions of SONIC",
+    is_text=True,
+    writers={"sonic": Writer("", write, RATE, RATE)},
+)

@@ -65,9 +65,6 @@ COMPRESSED: Mapping[bytes, Callable[[], Any]] = {
 
 GIT_LFS = "version https://git-lfs."
 
-NOT_TEXT = {".npz": "npz file", ".pkl": "pickle", ".pickle": "pickle", ".bag": "rosbag"}
-"""Extensions of binary formats: text in such files is never a table."""
-
 
 @dataclass(frozen=True)
 class ReadOptions:
@@ -163,8 +160,6 @@ class MotionSource:
             return None
         if text.startswith(GIT_LFS):
             raise MotionError("This is a Git LFS pointer: run git lfs pull.")
-        if self.ending in NOT_TEXT:
-            raise MotionError(f"Not a valid {NOT_TEXT[self.ending]}.")
         return text
 
     @cached_property
@@ -237,22 +232,27 @@ class MotionSource:
         """The rate that the user or the name of the file gives, in [Hz]; None: none."""
         return self.options.rate or rate_in(self.path)
 
-    def timed(self, motion: Motion, usual: float, why: str) -> Motion:
+    def timed(self, motion: Motion, usual: float | None, why: str) -> Motion:
         """Give times to the samples of a file without a rate.
 
         Args:
             motion: With any times.
             usual: The rate of such files in [Hz], if neither the user nor the name of
-                the file tells it.
+                the file gives it; None: there is none.
             why: Whose rate that is, for the message.
+
+        Raises:
+            MotionError: If there is no rate.
         """
         rate, notes = self.options.rate, motion.notes
         if rate is None:
             named = rate_in(self.path)
             rate, why = (named, "as its name says") if named else (usual, why)
+            if rate is None:
+                raise MotionError("The array fps is missing: give the rate, --fps.")
             notes = (f"The file has no times; assuming {rate:g} Hz, {why}.", *notes)
         times = np.arange(len(motion.times)) / rate
-        return replace(motion, times=times, notes=notes, has_times=False)
+        return replace(motion, times=times, notes=notes)
 
 
 @lru_cache(maxsize=1)

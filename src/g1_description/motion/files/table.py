@@ -10,7 +10,8 @@ is detected. With a header, which may be a comment, the columns are named:
 - ``NAME.velocity`` for each joint, or for none.
 
 Traps of tables without a header: the order of the quaternion is not in the file, nor is
-the rate; 23 joints have two layouts.
+the rate; 23 joints have two layouts. A numeric npy has the same columns: AMASS for the
+G1, whose files have the rate at most in their names (``_120_jpos.npy``).
 """
 
 from __future__ import annotations
@@ -23,7 +24,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from g1_description.errors import MotionError, NoMotionError
+from g1_description.motion.files.arrays import NPY
 from g1_description.motion.files.conventions import names_of_columns, w_last
+from g1_description.motion.files.format import OPEN, Format, Writer
 from g1_description.motion.files.source import MotionSource
 from g1_description.motion.files.writing import prepared
 from g1_description.motion.motion import Motion
@@ -53,8 +56,6 @@ MAX_NUMBERS = 8_000_000
 
 NUMBER_LENGTH = 25
 """Longest written number, with its comma: -1.2345678901234567e-300."""
-
-ENDINGS = (".csv",)
 
 XML = {
     "robot": "a robot description (URDF)",
@@ -130,31 +131,38 @@ def _headless(
             "and joints."
         )
     values = _numbers(rows, width)
-    return unnamed(source, values, robot, DEFAULT_RATE, "the rate of the LAFAN1 set")
+    return _unnamed(source, values, robot)
 
 
-def unnamed(
-    source: MotionSource, values: np.ndarray, robot: Description, usual: float, why: str
-) -> Motion:
-    """Make a motion of columns without names: place, quaternion and joints.
+def is_npy(source: MotionSource) -> bool:
+    """Return whether a file is a numeric npy with rows, as of AMASS for the G1."""
+    values = source.arrays[NPY] if [*source.arrays] == [NPY] else None
+    return isinstance(values, np.ndarray) and values.ndim == 2
 
-    Args:
-        source: The file.
-        values: Shape (n_samples, 7 + n_joints).
-        robot: The robot.
-        usual: Rate of such files in [Hz].
-        why: Whose rate that is.
+
+def read_npy(source: MotionSource, robot: Description) -> Motion:
+    """Read an npy with the columns of a table without a header.
 
     Raises:
-        MotionError: If no robot has that many joints, or the order of the quaternion
-            cannot be told.
+        MotionError: If the array has a wrong shape, or the order of the quaternion is
+            not known.
     """
+    values = source.arrays.numbers(NPY, None, None)
+    if values.shape[1] <= len(BASE):
+        raise MotionError(
+            f"The array has {values.shape[1]} columns; expected x y z, quaternion x y "
+            "z w and joints."
+        )
+    return _unnamed(source, values, robot)
+
+
+def _unnamed(source: MotionSource, values: np.ndarray, robot: Description) -> Motion:
+    """Make a motion of columns without names: place, quaternion and joints."""
     base, positions = values[:, : len(BASE)], values[:, len(BASE) :]
     joints, notes = names_of_columns(source, positions, robot)
     times = np.arange(len(values), dtype=float)
-    motion = Motion(times, joints, positions, base_poses=base, notes=notes)
-    motion = w_last(motion, robot, source.options.order)
-    return source.timed(motion, usual, why)
+    motion = Motion(times, joints, positions, None, base, notes, has_times=False)
+    return w_last(motion, robot, source.options.order)
 
 
 def header(source: MotionSource) -> list[str]:
@@ -240,15 +248,15 @@ def _headed(
 
     if base and source.options.order is not None:
         notes.append("The header names the quaternion: --order is ignored.")
-    motion = Motion(
+    return Motion(
         np.arange(len(values)) if has_rate else values[:, names.index(TIME)],
         tuple(joints),
         of(joints),
         of(velocities) if has_velocities else None,
         of(BASE) if base else None,
         tuple(notes),
+        has_times=not has_rate,
     )
-    return source.timed(motion, DEFAULT_RATE, "") if has_rate else motion
 
 
 def _may_be_motion(names: list[str], row: str, robot: Description) -> bool:
@@ -439,3 +447,30 @@ def _is_number(field: str) -> bool:
     except ValueError:
         return False
     return "_" not in field
+
+
+FORMAT = Format(
+    "table",
+    recognise,
+    read,
+    (".csv",),
+    order=OPEN,
+    assumed_rate=DEFAULT_RATE,
+    rate_of="the rate of the LAFAN1 set",
+    is_text=True,
+    writers={
+        "csv": Writer(".csv", write, most_samples=most_samples),
+        "lafan1": Writer(".csv", write_lafan1, DEFAULT_RATE),
+        "kimodo": Writer(".csv", write_kimodo, DEFAULT_RATE),
+    },
+)
+
+NPY_FORMAT = Format(
+    "npy",
+    is_npy,
+    read_npy,
+    (".npy",),
+    order=OPEN,
+    assumed_rate=120.0,
+    rate_of="the usual rate of AMASS for the G1",
+)

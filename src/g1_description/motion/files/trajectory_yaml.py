@@ -20,11 +20,10 @@ from ruamel.yaml.events import (
 
 from g1_description.bounds import MAX_VALUE
 from g1_description.errors import MotionError, NoMotionError, cause
+from g1_description.motion.files.format import Format
 from g1_description.motion.files.source import MotionSource
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
-
-ENDINGS = (".yaml", ".yml")
 
 MAX_JOINTS = 1000
 
@@ -42,7 +41,7 @@ def recognise(source: MotionSource) -> bool:
     """Return whether a file is YAML, by its ending or its first keys."""
     text = source.text
     return text is not None and (
-        source.ending in (".yaml", ".yml")
+        source.ending in FORMAT.endings
         or bool(re.search(r"^joint_names:", text[:10_000], re.MULTILINE))
     )
 
@@ -204,3 +203,6 @@ def _number(value: Any) -> float:
         return float(value)
     except ValueError:
         return np.nan
+
+
+FORMAT = Format("trajectory", recognise, read, (".yaml", ".yml"), is_text=True)

@@ -1,0 +1,301 @@
+"""Formats of arrays by name that differ in little more than the names.
+
+A row of ``FORMATS`` says which arrays are the joints, the places and the quaternions:
+of the base, or of bodies of which one is the base. Where a file is arranged in another
+way, a function makes such arrays of it. Other formats read theirs by ``read_arrays``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Callable, Mapping
+
+import numpy as np
+
+from g1_description.errors import MotionError
+from g1_description.motion.files.arrays import Arrays
+from g1_description.motion.files.bodies import (
+    WORLD,
+    Bodies,
+    bodies_in,
+    find_base,
+    links_of,
+)
+from g1_description.motion.files.conventions import (
+    ISAAC_JOINTS,
+    base_of,
+    isaac_joints,
+    names_of_columns,
+    w_last,
+)
+from g1_description.motion.files.format import OPEN, Format
+from g1_description.motion.files.frames import rows_of
+from g1_description.motion.files.source import MotionSource, parsed
+from g1_description.motion.motion import Motion
+from g1_description.robot.description import Description
+from g1_description.text import listed
+
+
+@dataclass(frozen=True)
+class Keys:
+    """Names of the arrays of a motion."""
+
+    joints: str
+    """Positions, shape (n_samples, n_joints)."""
+
+    places: str
+    """In [m], shape (n_samples, 3), or (n_samples, n_bodies, 3)."""
+
+    turns: str
+    """Quaternions, shape (n_samples, 4), or (n_samples, n_bodies, 4)."""
+
+    velocities: str = ""
+    """Of the joints, where a file has them."""
+
+    has_bodies: bool = False
+
+    names: tuple[str, ...] = ("joint_names", "dof_names")
+    """Names of the joints, the first of these that a file has."""
+
+    links: str = ""
+    """Names of the bodies; empty: the first one is the base."""
+
+    rate: str = "fps"
+
+    @property
+    def needed(self) -> tuple[str, ...]:
+        """The arrays that each file has."""
+        return self.joints, self.places, self.turns
+
+    @property
+    def own(self) -> set[str]:
+        """All arrays of numbers by sample."""
+        return {*self.needed, self.velocities}
+
+
+def read_arrays(
+    source: MotionSource, arrays: Arrays, robot: Description, keys: Keys, order: str
+) -> Motion:
+    """Read a motion from arrays that differ only in their names.
+
+    Args:
+        source: The file.
+        arrays: Those of the motion, with or without its rate.
+        robot: The robot.
+        keys: Their names.
+        order: Of the format's quaternions, xyzw or wxyz, or ``OPEN``.
+
+    Raises:
+        MotionError: If an array has a wrong shape or content, or no body is the base.
+    """
+    positions = arrays.numbers(keys.joints, None, None)
+    n_samples, n_joints = positions.shape
+    links = arrays.names(keys.links) if keys.links else None
+    bodies = () if not keys.has_bodies else (None if links is None else len(links),)
+    places = arrays.numbers(keys.places, n_samples, *bodies, 3)
+    turns = arrays.numbers(keys.turns, *places.shape[:-1], 4)
+    velocities = None
+    if keys.velocities in arrays:
+        velocities = arrays.numbers(keys.velocities, *positions.shape)
+    named = [arrays.names(key) for key in keys.names if key in arrays]
+    notes: tuple[str, ...] = ()
+    if not named:
+        joints, notes = names_of_columns(source, positions, robot)
+    elif len(named[0]) == n_joints:
+        joints = named[0]
+    else:
+        raise MotionError(f"There are {len(named[0])} names for {n_joints} joints.")
+    if links is not None:
+        if robot.root not in links:
+            lacking = f"The bodies lack the base, {robot.root}: "
+            raise MotionError(f"{lacking}{listed(links)}.")
+        objects = [link for link in links if link not in (*robot.link_names, "")]
+        ignored = f"Bodies that {robot.name} does not have are ignored: "
+        notes += (f"{ignored}{listed(objects)}.",) if objects else ()
+    if not places.shape[1]:
+        raise MotionError(f"{keys.places} must have at least one body, the base.")
+    usual = "xyzw" if order == OPEN else order
+    base = None if keys.has_bodies else (places, turns)
+    found = (
+        Bodies(places, turns, links) if base is None else bodies_in(arrays, n_samples)
+    )
+    if found is not None and not source.is_settled:
+        fitting = find_base(source, robot, found, positions, [joints], usual, base)
+        poses, notes = fitting.poses, (*notes, *fitting.notes)
+    else:
+        poses = base_of(places, turns, source.options.order or usual)
+    if not poses[:, :3].any() and WORLD not in notes:
+        zeros = f"{keys.places} has only zeros for the root"
+        notes += (f"{zeros}: the place of the base is unknown, and shown as 0.",)
+    times = np.arange(float(n_samples))
+    motion = Motion(times, joints, positions, velocities, poses, notes)
+    motion = arrays.timed(motion, keys.rate)
+    is_open = order == OPEN and not source.options.order and not source.is_settled
+    return w_last(motion, robot, is_told=True) if is_open else motion
+
+
+Arranged = Callable[[MotionSource, Arrays, Description], Mapping[str, Any]]
+"""Makes arrays of the names of a row of those of a file."""
+
+
+def array_format(
+    name: str,
+    keys: Keys,
+    order: str,
+    needed: Sequence[str] = (),
+    arranged: Arranged | None = None,
+    has_several: bool = False,
+    **others: Any,
+) -> Format:
+    """Make the record of a format of arrays.
+
+    Args:
+        name: Its name.
+        keys: Names of its arrays.
+        order: Of its quaternions, xyzw or wxyz, or ``OPEN``.
+        needed: Arrays by which its files are recognised; none: those of the keys.
+        arranged: Makes arrays of these names of those of a file.
+        has_several: Whether there are files of several motions by name.
+        others: More of the record.
+    """
+    own = tuple(needed) or keys.needed
+
+    def is_one(source: MotionSource) -> bool:
+        return {*own} <= {*source.arrays}
+
+    def names(source: MotionSource) -> Sequence[str]:
+        return source.arrays.holding(*own) if has_several else ()
+
+    def recognise(source: MotionSource) -> bool:
+        return is_one(source) or bool(names(source))
+
+    def read(source: MotionSource, robot: Description) -> Motion:
+        arrays = source.arrays
+        if has_several and not is_one(source):
+            arrays = arrays.inside(source.chosen(names(source)))
+        if arranged is not None:
+            arrays = Arrays(arranged(source, arrays, robot))
+        return read_arrays(source, arrays, robot, keys, order)
+
+    record = {"recognise": recognise, "read": read, "names": names, **others}
+    return Format(name, order=order, arrays=own, **record)
+
+
+TRACKED = Keys(
+    *("joint_pos", "body_pos_w", "body_quat_w", "joint_vel"),
+    has_bodies=True,
+    links="body_names",
+)
+"""Arrays of BeyondMimic, which other formats have with names from elsewhere."""
+
+NPZ, META = "motion.npz", "meta.json"
+"""Files of a folder of HDMI."""
+
+
+def is_hdmi(source: MotionSource) -> bool:
+    """Return whether a file is a folder of HDMI, or the npz in it."""
+    folder = source.path if source.is_folder else source.path.absolute().parent
+    if not (folder / META).is_file():
+        return False
+    if source.is_folder:
+        return (folder / NPZ).is_file()
+    return {*TRACKED.needed} <= {*source.arrays} and "fps" not in source.arrays
+
+
+def _hdmi(source: MotionSource, _: Arrays, __: Description) -> Mapping[str, Any]:
+    """Join the arrays with names and rate, which are in another file."""
+    path = source.path / NPZ if source.is_folder else source.path.absolute()
+    meta = parsed(MotionSource(Path(path.parent, META)).text, META)
+    meta.names("joint_names")
+    arrays = MotionSource(path).arrays
+    return {**{name: arrays[name] for name in TRACKED.own & {*arrays}}, **meta}
+
+
+def _deployed(
+    source: MotionSource, arrays: Arrays, robot: Description
+) -> Mapping[str, Any]:
+    """Name the joints, and the bodies by their numbers, of which 0 is the root."""
+    n_bodies = np.shape(arrays[TRACKED.places])[1:2]
+    numbers = np.zeros(1)
+    if "_body_indexes" in arrays:
+        numbers = arrays.numbers("_body_indexes", *n_bodies)
+    known = dict(enumerate(links_of(robot, ISAAC_JOINTS)))
+    links = [known.get(int(number), "") for number in numbers]
+    links += [""] * (sum(n_bodies) - len(links))
+    return {**arrays, "joint_names": isaac_joints(source), "body_names": links}
+
+
+def _listed(_: MotionSource, arrays: Arrays, __: Description) -> Mapping[str, Any]:
+    """Make arrays of lists of rows."""
+    return {**arrays, **{name: rows_of(arrays[name], name) for name in AMI.needed}}
+
+
+AMI = Keys(
+    *("joint_positions", "root_position", "root_quaternion"), names=("joints_list",)
+)
+
+FORMATS = (
+    # HDMI: a folder. Joints are in MuJoCo's order in published files and in Isaac
+    # Lab's from the recorder, so names count; bodies are some links and objects.
+    array_format("hdmi", TRACKED, "wxyz", arranged=_hdmi, recognise=is_hdmi),
+    # Isaac Lab's AMP motions (humanoid_amp, AMASS for the G1): joints and bodies are
+    # any in any order, so names count.
+    array_format(
+        "isaac_amp",
+        Keys(
+            *("dof_positions", "body_positions", "body_rotations", "dof_velocities"),
+            has_bodies=True,
+            links="body_names",
+        ),
+        "wxyz",
+        ("dof_names", "body_names", "dof_positions", "body_positions"),
+        endings=(".npz",),
+    ),
+    # pyroki's retargeting, as ProtoMotions reads it: joints are in the order of the
+    # URDF; the rate may be missing.
+    array_format(
+        "pyroki",
+        Keys("joint_angles", "base_frame_pos", "base_frame_wxyz"),
+        "wxyz",
+        endings=(".npz",),
+        assumed_rate=30.0,
+        rate_of="the usual rate of retargeted motions",
+    ),
+    # SONIC's pickle for deployment, motions by name, from which its folders are made:
+    # joints are in Isaac Lab's order; there are 14 of the bodies.
+    array_format(
+        "sonic_deploy",
+        TRACKED,
+        "wxyz",
+        arranged=_deployed,
+        has_several=True,
+        recognise=lambda source: bool(source.arrays.holding(*TRACKED.needed)),
+        endings=(".pkl", ".pickle"),
+        assumed_rate=50.0,
+        rate_of="the rate of SONIC's files",
+    ),
+    # PHUMA: the npy holds a pickled dictionary. Clips are chunks of 4 s that overlap by
+    # 0.5 s.
+    array_format(
+        "phuma",
+        Keys("dof_pos", "root_trans", "root_ori"),
+        OPEN,
+        endings=(".npy",),
+        assumed_rate=30.0,
+        rate_of="the rate of most such files",
+    ),
+    # ami-iit's AMP data set: the npy holds a pickled dictionary, of lists.
+    array_format(
+        "amp_dataset",
+        AMI,
+        OPEN,
+        (*AMI.needed, "joints_list"),
+        _listed,
+        endings=(".npy",),
+        assumed_rate=30.0,
+        rate_of="the rate of most such files",
+    ),
+)
+"""The rows, with the traps of each format."""
