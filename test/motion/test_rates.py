@@ -72,7 +72,7 @@ def motion(rate):
     return Motion(np.arange(N) / rate, JOINTS, positions, base_poses=base)
 
 
-@pytest.mark.parametrize("rate", [30.0, 50.0, 60.0, 29.97])
+@pytest.mark.parametrize("rate", [60.0, 29.97])
 @pytest.mark.parametrize("name", ["a", "a_60hz", "a_50fps"])
 @pytest.mark.parametrize("to", ["lafan1", "kimodo", "bones_seed", "gmr", "mjlab"])
 def test_what_is_written_is_read_at_its_rate_or_that_is_told(
