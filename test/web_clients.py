@@ -47,9 +47,9 @@ def running(show):
 
 
 @contextmanager
-def opened(on_file=None, texts=None, **options):
+def opened(**options):
     """Open a page at a free port, and close it again."""
-    server = PageServer(ServerOptions(**{"port": 0, **options}), on_file, texts)
+    server = PageServer(ServerOptions(**{"port": 0, **options}))
     try:
         yield server
     finally:

@@ -9,6 +9,7 @@ import time
 from collections import Counter
 from importlib.metadata import version
 from urllib.parse import urlsplit, urlunsplit
+from uuid import uuid4
 
 import msgspec
 import numpy as np
@@ -18,6 +19,8 @@ from websockets.sync.client import connect
 
 DEADLINE = 300.0
 """Longest wait for anything in [s]."""
+PART = 512 * 1024
+"""Largest part of an uploaded file, in bytes."""
 SIZE = (1280, 800)
 """The picture that the page is told of, in [px]."""
 
@@ -178,6 +181,23 @@ class PageClient:
     def press(self, label):
         """Press the button with a label."""
         self.set(label, True)
+
+    def upload(self, label, name, content):
+        """Give a file to the upload button with a label."""
+        button = self.element(label)["uuid"]
+        transfer = {"source_component_uuid": button, "transfer_uuid": uuid4().hex}
+        parts = [content[at : at + PART] for at in range(0, len(content), PART)]
+        self.send(
+            "FileTransferStartUpload",
+            **transfer,
+            filename=name,
+            mime_type="",
+            part_count=len(parts),
+            size_bytes=len(content),
+        )
+        for number, part in enumerate(parts):
+            fields = {"part_index": number, "content": part}
+            self.send("FileTransferPart", **transfer, **fields)
 
 
 def messages_of(data):

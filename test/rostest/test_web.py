@@ -5,12 +5,10 @@ test/web/test_web_page.py.
 """
 
 import re
-import shlex
 
 import numpy as np
 import pytest
 import rospy
-import yaml
 from g1_description.msg import RobotState
 from g1_description.srv import GetAnchor, SetAnchor
 from gazebo_msgs.srv import (
@@ -39,8 +37,6 @@ SHARP = "?fixedDpr=1"
 """However slowly pictures come, they are as fine as others: they can be compared."""
 LEFT_FOOT = "left_ankle_roll_link"
 KNEE, ELBOW = "left_knee_joint", "left_elbow_joint"
-WHITE = 50
-"""Pixels of a name that are white, at least, and of others at most."""
 SECONDS = 2.0
 """Length of the motion that the tests make, in [s]."""
 BEYOND = 9.0
@@ -174,34 +170,6 @@ def test_the_robot_is_seen_and_hidden(page):
     page.wait_for(lambda: shows_robot(page), "the robot again")
 
 
-def test_a_link_is_named_where_the_mouse_rests(page, zero):
-    toasts = page.raw.locator(".g1-toast")
-    page.wait_for(lambda: not toasts.count(), "a picture without messages")
-    before = page.still()
-    dark = np.argwhere(is_dark(before))
-    off = np.abs(dark - np.median(dark, axis=0)).sum(axis=1)
-    row, column = dark[off.argmin()].tolist()
-    corner = page.canvas().bounding_box()
-
-    def light():
-        """Count the pixels near the mouse that are white where the robot was."""
-        is_light = ((page.scene() > 230) & (before < 200)).all(axis=2)
-        return is_light[row - 40 : row + 40, column - 60 : column + 60].sum()
-
-    def is_named():
-        page.raw.mouse.move(0, 0)  # or the name would not come twice
-        page.raw.mouse.move(corner["x"] + column, corner["y"] + row)
-        try:
-            page.wait_for(lambda: light() > WHITE, "the name", 10.0)
-        except AssertionError:
-            return False
-        return True
-
-    page.wait_for(is_named, "the name on white")
-    page.wait_for(lambda: light() < WHITE, "no name any more")
-    page.raw.mouse.move(0, 0)
-
-
 def test_sliders_move_the_robot_and_follow_it(page, robot, zero):
     before = page.still()
     zero.drag(1.2)
@@ -313,9 +281,11 @@ def test_a_simulator_without_steps_is_not_the_stand_in():
     other.shutdown()
 
 
-def test_a_motion_is_dropped_played_scrubbed_and_judged(page, robot, tmp_path):
+def test_a_motion_is_opened_played_scrubbed_and_judged(page, robot, tmp_path):
     page.open_tab("Motion")
-    page.drop_file(write_motion(tmp_path / "bend.csv"))
+    with page.raw.expect_file_chooser() as chooser:
+        page.press("Open a motion")
+    chooser.value.set_files(write_motion(tmp_path / "bend.csv"))
     page.wait_for(lambda: "Findings: bend.csv" in page.text(), "the findings")
     line = page.slider("Time")
     assert line.limits() == (0.0, SECONDS)
@@ -338,21 +308,6 @@ def test_a_motion_is_dropped_played_scrubbed_and_judged(page, robot, tmp_path):
     page.wait_for(lambda: line.value() == 1.5, "the time line")
 
 
-def test_the_configuration_is_copied(page, robot, zero):
-    robot.command(**{KNEE: 0.6})
-    page.wait_for(lambda: zero.value() == 0.6, "the slider")
-    page.open_tab("View")
-    page.press("Copy as YAML")
-    page.wait_for(lambda: page.clipboard().startswith("copied:"), "the YAML")
-    pose = yaml.safe_load(page.clipboard())["copied"]
-    assert (pose[KNEE], len(pose)) == (0.6, 29)
-    page.press("Copy rostopic pub")
-    page.wait_for(lambda: "rostopic pub" in page.clipboard(), "the command")
-    words = shlex.split(page.clipboard())
-    assert words[3:5] == ["/joint_commands", "sensor_msgs/JointState"]
-    assert dict(zip(*yaml.safe_load(words[5]).values())) == pose
-
-
 def test_a_picture_is_saved(page, tmp_path):
     page.open_tab("View")
     path = page.download(lambda: page.press("Save a picture"), tmp_path)
@@ -363,55 +318,14 @@ def test_a_picture_is_saved(page, tmp_path):
     assert is_dark(pixels).mean() > 0.005
 
 
-PAST = re.compile(r"Past: ([\d.]+) s")
-
-
-def plotted(page):
-    """Return the first and last time of the plot."""
-    plots = "Object.values(window.__viserTestpoints.uplots)"
-    times = page.raw.evaluate(f"[...{plots}[0].chart.data[0]]")
-    return times[0], times[-1]
-
-
-def test_a_press_in_a_plot_goes_to_that_time(page):
-    page.open_tab("Plots")
-    page.choose("Of", "left_knee")
-    page.press("Add")
-    page.raw.locator(".uplot canvas").wait_for()
-    assert "commanded" in page.text()
-    page.wait_for(lambda: plotted(page)[1] > 3.0, "some seconds")
-    first, last = plotted(page)
-    plot = page.raw.locator(".u-over").bounding_box()
-    page.raw.mouse.move(plot["x"] + 0.25 * plot["width"], plot["y"] + 20)
-    page.raw.mouse.down()
-    for part in (0.3, 0.4, 0.5):
-        page.raw.mouse.move(plot["x"] + part * plot["width"], plot["y"] + 20)
-    page.raw.mouse.up()
-    page.wait_for(lambda: PAST.search(page.text()), "the past")
-    middle = 0.5 * sum(plotted(page))
-
-    def shown():
-        return float(PAST.search(page.text()).group(1))
-
-    # The line goes on until the mouse is pressed.
-    page.wait_for(lambda: abs(shown() - middle) < 0.2 * (last - first), "the middle")
-    page.raw.keyboard.press("l")
-    page.wait_for(lambda: not PAST.search(page.text()), "the present")
-    page.press("Clear")
-    page.raw.locator(".uplot").wait_for(state="detached")
-
-
 def test_a_phone_shows_the_robot_and_moves_it(chromium, window, address, robot):
     window.close()  # two pages of the G1 are much for two cores
     phone = chromium.open(address, phone=True, script=browser.JAGGED)
-    title = phone.raw.get_by_text("g1_29dof", exact=True)
+    title = phone.raw.get_by_text("g1_29dof: tap to fold or open", exact=True)
     title.wait_for()
     phone.dismiss()
-    phone.wait_for(lambda: shows_robot(phone), "the robot")
     view = phone.raw.get_by_role("tab", name="View")
-    phone.wait_for(lambda: not view.is_visible(), "a panel that starts folded")
-    title.tap()
-    view.wait_for()
+    phone.wait_for(lambda: shows_robot(phone), "the robot")
     slider = slider_of(phone, "Left leg", "left_knee")
     slider.tap()
     middle = sum(slider.limits()) / 2

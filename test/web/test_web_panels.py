@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import math
-import shlex
 import sys
 import threading
 from dataclasses import replace
@@ -14,7 +13,6 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 from robots import robot
@@ -38,7 +36,6 @@ from g1_description.robot.transform import IDENTITY
 from g1_description.web import controls
 from g1_description.web import findings_panel as findings
 from g1_description.web.controls import JointPanel, slider_range
-from g1_description.web.show import configuration_command, configuration_yaml
 from g1_description.web.simulator_panel import SimulatorPanel
 from g1_description.web.ui_loop import UiLoop
 
@@ -56,8 +53,8 @@ def state(positions, commanded=None):
 class Shown:
     """A robot that is where it was put, and keeps what it is commanded."""
 
-    def __init__(self, *links, name="robot", topic="/joint_commands"):
-        self.name, self.joint_topic = name, topic
+    def __init__(self, *links):
+        self.name = "robot"
         self.anchor, self.has_anchors = "", True
         self.description = robot(*(links or ("a", "b", "c")))
         self.commands = []
@@ -571,44 +568,6 @@ def test_a_step_that_fails_is_the_last_one(server):
         panel._step()
     panel.follow()
     assert (panel._pause.label, waiting) == ("Go on", [])
-
-
-# --- the configuration as text ---
-
-POSITIONS = {"to_c": -1.5, "to_b": 1e-5, "of_somebody_else": 9.0}
-"""Not in the order of the robot's file."""
-
-
-def test_copied_yaml_is_a_pose():
-    shown = Shown()
-    shown.where = state(POSITIONS)
-    (pose,) = parse_poses(configuration_yaml(shown), "the clipboard").values()
-    assert pose.positions == {"to_b": 1e-5, "to_c": -1.5}
-    assert [*pose.positions] == ["to_b", "to_c"]
-
-
-@given(
-    st.floats(-1e3, 1e3), st.sampled_from(["/joint_commands", "/left/joint_commands"])
-)
-def test_a_copied_command_moves_the_robot_to_where_it_is(value, topic):
-    shown = Shown(topic=topic)
-    shown.where = state({"to_c": value, "to_b": 0.25})
-    words = shlex.split(configuration_command(shown))
-    assert words[:-1] == ["rostopic", "pub", "-1", topic, "sensor_msgs/JointState"]
-    message = yaml.safe_load(words[-1])
-    assert message["name"] == ["to_b", "to_c"]
-    assert message["position"][0] == 0.25
-    assert message["position"][1] == pytest.approx(value, abs=1e-6)
-
-
-def test_there_is_nothing_to_copy_before_the_first_state():
-    shown = Shown()
-    shown.where = None
-    for write in (configuration_yaml, configuration_command):
-        with pytest.raises(
-            InvalidValueError, match="No state of the robot has been received"
-        ):
-            write(shown)
 
 
 # --- the ui ---

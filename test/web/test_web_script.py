@@ -17,18 +17,11 @@ from support.pictures import share_changed
 from waiting import DEADLINE, wait_for
 from web_clients import opened
 
-from g1_description.errors import MotionError
-
 from page_client import PageClient
 from processes import marked_environment, marked_processes, new_mark
 
 WINDOW = (480, 420)
 SLIDER = "left_knee"
-LASTING = """
-const later = window.setTimeout;
-window.setTimeout = (act, time) => later(act, time === 6000 ? 1e9 : time);
-"""
-"""JavaScript for a page whose messages stay, however late somebody looks."""
 needs_browser = pytest.mark.skipif(bool(browser.missing()), reason=browser.missing())
 pytestmark = pytest.mark.slow
 
@@ -61,16 +54,9 @@ class Small:
         self.box.position = (self.slider.value, 0.0, 0.0)
 
 
-def read(name, path):
-    """Take a dropped file."""
-    if b"none" in path.read_bytes():
-        raise MotionError(f"{name} has no joints.")
-    return f"Opened {name}."
-
-
 @pytest.fixture(scope="module")
 def small():
-    with opened(read, {"pose.yaml": lambda: "knee: 0.5\n"}) as server:
+    with opened() as server:
         yield Small(server)
 
 
@@ -82,7 +68,7 @@ def chromium():
 
 @pytest.fixture(scope="module")
 def window(small, chromium):
-    page = chromium.open(small.address, WINDOW, script=browser.JAGGED + LASTING)
+    page = chromium.open(small.address, WINDOW, script=browser.JAGGED)
     page.wait_for(lambda: SLIDER in page.text(), "the panel")
     page.dismiss()
     yield page
@@ -133,102 +119,6 @@ def test_folders_tabs_and_switches(page, small):
     page.wait_for(lambda: small.switch.value and page.is_checked("Frames"), "a check")
     page.open_tab("Robot")
     page.wait_for(lambda: SLIDER in page.text(), "the folder again")
-
-
-@needs_browser
-def test_numbers_count_when_they_are_typed_to_the_end(page, slider, small):
-    for text, value in (("-0.05", -0.05), ("1.05", 1.05), ("-0.5", -0.5)):
-        slider.type_keys(text, "Enter")
-        page.wait_for(lambda v=value: small.slider.value == v, "what was typed")
-        page.wait_for(lambda v=value: slider.value() == v, "the slider")
-    for text in ("knee", "-", "1e-3", "0x1", "0,5"):
-        slider.type_keys(text, "Tab")
-        assert slider.shown() == "-0.5", text
-    for keys in (("", "Delete"), ("0.3", "Escape")):
-        slider.type_keys(*keys, "Tab")
-        assert slider.shown() == "-0.5", keys
-    slider.type_keys("0.75", "Tab")
-    page.wait_for(lambda: 0.75 in small.been, "a field that was left")
-    assert {*small.been} == {-0.05, 1.05, -0.5, 0.75}
-
-
-@needs_browser
-def test_what_is_typed_is_not_mixed_with_what_comes(page, slider, small):
-    slider.type_keys("-0")
-    small.slider.value = 0.7
-    page.wait_for(lambda: slider.value() == 0.7, "the slider elsewhere")
-    page.raw.evaluate(
-        "addEventListener('pointerdown', () => { window.pressed = true }, true)"
-    )
-    page.raw.mouse.move(5, 5)  # where it will rest
-    page.wait_for(lambda: page.raw.evaluate("window.pressed"), "a mouse that rests")
-    assert slider.shown() == "-0"
-    page.raw.keyboard.type(".25")
-    page.raw.keyboard.press("Enter")
-    page.wait_for(lambda: small.slider.value == -0.25, "what was typed")
-
-
-@needs_browser
-def test_fields_are_left_as_people_leave_them(page, small):
-    fields = page.element("x y z").locator("input")
-    fields.nth(0).click(click_count=3)
-    for text in ("0.5", "-0.25", "1.5"):
-        page.raw.keyboard.type(text)
-        page.raw.keyboard.press("Tab")
-    page.wait_for(lambda: small.place.value == (0.5, -0.25, 1.5), "the fields")
-    shown = [fields.nth(number).input_value() for number in range(3)]
-    assert shown == ["0.5", "-0.25", "1.5"]
-    fields.nth(0).click(click_count=3)
-    page.raw.keyboard.type("0")
-    page.field("Name").click(click_count=3)
-    page.raw.keyboard.type("pose_1")
-    assert page.field("Name").input_value() == "pose_1"
-    page.wait_for(lambda: small.place.value == (0.0, -0.25, 1.5), "the first again")
-    page.wait_for(lambda: small.name.value == "pose_1", "the text")
-
-
-@needs_browser
-def test_a_typed_number_is_stepped(page, small):
-    field = page.field("Seconds")
-    field.click(click_count=3)
-    page.raw.keyboard.type("5")
-    page.element("Seconds").locator("button").first.click()
-    page.wait_for(lambda: field.input_value() == "5.1", "a step on from it")
-    page.wait_for(lambda: small.seconds.value == pytest.approx(5.1), "the number")
-
-
-@needs_browser
-def test_keys_press_buttons_where_nobody_types(page, small):
-    came = []
-    small.walk.on_click(lambda event: came.append(event.target.value))
-    page.field("Name").fill("")
-    page.field("Name").press("n")
-    page.wait_for(lambda: small.name.value == "n", "the typed letter")
-    page.raw.locator("label", has_text="Name").first.click()
-    page.raw.evaluate("document.activeElement.blur()")
-    page.raw.keyboard.press("p")
-    page.raw.keyboard.press("Control+n")
-    page.raw.keyboard.press("n")
-    page.wait_for(lambda: came == ["Previous", "Next"], "both buttons")
-
-
-@needs_browser
-def test_files_are_dropped_and_what_came_of_them_is_said(page, tmp_path):
-    for name, text, told in (
-        ("broken.csv", "none", "broken.csv has no joints."),
-        ("walk.csv", "0,1\n" * 300_000, "Opened walk.csv."),  # several pieces
-    ):
-        (tmp_path / name).write_text(text)
-        page.drop_file(tmp_path / name)
-        kind = ".g1-failed" if text == "none" else ".g1-toast:not(.g1-failed)"
-        page.raw.locator(kind, has_text=told).wait_for()
-
-
-@needs_browser
-def test_a_text_is_copied(page):
-    page.raw.evaluate("g1.copy('/pose.yaml')")
-    page.raw.get_by_text("Copied pose.yaml.").wait_for()
-    assert page.clipboard() == "knee: 0.5\n"
 
 
 @needs_browser

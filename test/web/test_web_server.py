@@ -1,10 +1,8 @@
-"""The page's server: what it serves and to whom, its limits, messages and files."""
+"""The page's server: what it serves and to whom, its limits and messages."""
 
 import gc
 import gzip
-import json
 import os
-import re
 import socket
 import subprocess
 import sys
@@ -12,7 +10,7 @@ import threading
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from urllib.parse import urlencode, urlsplit
+from urllib.parse import urlsplit
 
 import pytest
 
@@ -20,8 +18,6 @@ pytest.importorskip("viser", reason="viser is not there")
 
 import numpy as np
 import viser
-from hypothesis import given
-from hypothesis import strategies as st
 from viser import infra
 from viser import transforms as tf
 from waiting import wait_for
@@ -38,45 +34,14 @@ from web_clients import (
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.frames import Frame, Opcode
 
-from g1_description.errors import G1DescriptionError, MotionError, PageServerError
+from g1_description.errors import PageServerError
 from g1_description.web.server import gateway
 from g1_description.web.server.address import ServerOptions
 from g1_description.web.server.page_server import PageServer
-from g1_description.web.server.uploads import MAX_AT_ONCE, clean_name
 
 SOURCE = Path(__file__).parents[2] / "src"
 INDEX = Path(viser.__file__).parent / "client" / "build" / "index.html"
 TOKEN = "a-token_of.tests"
-MAX_UPLOAD = 3 * 2**20
-TEXT = "/configuration.yaml"
-
-
-def no_pose():
-    raise G1DescriptionError("no robot is there yet")
-
-
-TEXTS = {"configuration.yaml": lambda: "größe: 1\n", "none.txt": no_pose}
-
-
-class Reader:
-    """What takes files in these tests, and what it was given."""
-
-    def __init__(self):
-        self.paths = []
-        self.go = threading.Event()
-        self.waiting = 0
-
-    def __call__(self, name, path):
-        self.paths.append(path)
-        content = path.read_bytes()
-        if content == b"bad":
-            raise MotionError(f"{name} has no joints")
-        if content == b"worse":
-            raise ValueError("line 3\nline 4")
-        if content == b"slow":
-            self.waiting += 1
-            assert self.go.wait(TIMEOUT)
-        return f"{name}: {len(content)} bytes, {sum(content)}"
 
 
 class Scene:
@@ -107,22 +72,16 @@ class Scene:
 
 
 @pytest.fixture(scope="module")
-def reader():
-    return Reader()
-
-
-@pytest.fixture(scope="module")
-def server(reader):
+def server():
     """Give a page at this machine, for five browsers."""
-    options = {"max_upload": MAX_UPLOAD, "max_browsers": 5}
-    with opened(reader, TEXTS, **options) as server:
+    with opened(max_browsers=5) as server:
         server.viser.scene.add_box("/box", dimensions=(1, 1, 1), color=(9, 9, 9))
         yield server
 
 
 @pytest.fixture(scope="module")
 def guarded():
-    with opened(host="0.0.0.0", token=TOKEN, texts=TEXTS) as server:
+    with opened(host="0.0.0.0", token=TOKEN) as server:
         yield server
 
 
@@ -132,8 +91,8 @@ def scene(server):
 
 
 @pytest.fixture(scope="module")
-def shown(reader):
-    with opened(reader, read_only=True) as server:
+def shown():
+    with opened(read_only=True) as server:
         yield Scene(server)
 
 
@@ -145,10 +104,9 @@ def test_the_page_is_visers_with_our_script(server):
     page = answer.body.decode()
     assert answer.status == 200
     assert answer.headers["Content-Type"] == "text/html; charset=utf-8"
-    before, _, after = page.partition("<script>// What the page does")
+    before, _, after = page.partition("<script>// Spares browsers")
     script, _, rest = after.rpartition("</script></body>")
-    assert "window.g1 = { upload, copy, press, toast };" in script
-    assert "const readOnly = false;" in script
+    assert "g1_slow=1" in script
     assert before + "</body>" + rest == INDEX.read_text(encoding="utf-8")
 
 
@@ -174,17 +132,9 @@ def test_others_can_neither_frame_the_page_nor_be_told_its_address(server):
     assert headers["Referrer-Policy"] == "no-referrer"
 
 
-def test_texts_are_as_they_are_now(server):
-    answer = fetch(server, "/configuration.yaml")
-    assert answer.body.decode() == "größe: 1\n"
-    assert answer.headers["Content-Type"] == "text/plain; charset=utf-8"
-    assert answer.headers["Cache-Control"] == "no-store"
-    assert fetch(server, "/none.txt")[::2] == (503, b"no robot is there yet")
-
-
 @pytest.mark.parametrize(
     "path",
-    ["/index.html", "/../../etc/passwd", "/%2e%2e/x", "//", "/configuration.yaml/x"],
+    ["/index.html", "/../../etc/passwd", "/%2e%2e/x", "//", "/upload"],
 )
 def test_there_is_nothing_else(server, path):
     answer = fetch(server, path)
@@ -310,7 +260,7 @@ def test_this_machine_comes_in_by_any_name_and_port(server, host):
     ["evil.example", "127.0.0.1.evil.example", "10.0.0.1:8080", "", "localhost:x"],
 )
 def test_a_name_that_was_made_to_point_here_does_not(server, host):
-    for path in ("/", TEXT, "/nothing"):
+    for path in ("/", "/nothing"):
         answer = fetch(server, path, Host=host)
         assert answer.status == 403
         assert b"open it as localhost" in answer.body
@@ -325,10 +275,9 @@ def test_a_request_names_one_host(server):
 @pytest.mark.parametrize(
     "origin", ["http://evil.example", "null", "http://localhost:1", "file://", ""]
 )
-@pytest.mark.parametrize("path", ["/", "/upload?name=a&size=1"])
-def test_a_script_of_another_page_does_not(server, origin, path):
-    assert status(server, path, additional_headers={"Origin": origin}) == 403
-    assert fetch(server, TEXT, Origin=origin).status == 403
+def test_a_script_of_another_page_does_not(server, origin):
+    assert status(server, additional_headers={"Origin": origin}) == 403
+    assert fetch(server, Origin=origin).status == 403
 
 
 def test_the_page_itself_does(server):
@@ -357,7 +306,7 @@ def test_elsewhere_a_token_is_made_each_time():
         }
 
 
-@pytest.mark.parametrize("path", ["/", TEXT, "/nothing"])
+@pytest.mark.parametrize("path", ["/", "/nothing"])
 def test_without_the_token_nothing_is_told(guarded, path):
     for query in ("", "?token=", "?token=wrong", f"?token={TOKEN}x", "?token=%ff"):
         answer = fetch(guarded, path + query)
@@ -367,11 +316,10 @@ def test_without_the_token_nothing_is_told(guarded, path):
         assert "Set-Cookie" not in answer.headers
 
 
-@pytest.mark.parametrize("path", ["/", "/upload?name=a&size=1"])
-def test_without_the_token_no_websocket_opens(guarded, path):
-    assert status(guarded, path) == 401
+def test_without_the_token_no_websocket_opens(guarded):
+    assert status(guarded) == 401
     headers = {"Cookie": f"g1_description_{urlsplit(guarded.address).port}=wrong"}
-    assert status(guarded, path, additional_headers=headers) == 401
+    assert status(guarded, additional_headers=headers) == 401
 
 
 def test_the_token_opens_the_page_and_its_cookie_the_rest(guarded):
@@ -381,7 +329,6 @@ def test_the_token_opens_the_page_and_its_cookie_the_rest(guarded):
     assert {"HttpOnly", "SameSite=Strict", "Path=/"} <= set(attributes)
     assert str(urlsplit(guarded.address).port) in cookie
     sent = f"other=1; {cookie}; third"
-    assert fetch(guarded, TEXT, Cookie=sent).status == 200
     assert fetch(guarded, "/", Cookie=sent).status == 200
     assert status(guarded, additional_headers={"Cookie": sent}) == 101
     headers = {"Cookie": sent, "Origin": "http://evil.example"}
@@ -494,9 +441,8 @@ def test_who_says_nothing_is_cut_off(monkeypatch):
 
 def test_who_does_not_take_an_answer_is_cut_off(monkeypatch):
     monkeypatch.setattr(gateway, "PAGE_TIMEOUT", 0.2)
-    texts = {"long": lambda: "x" * 2**24}
-    with opened(texts=texts) as server, raw(server) as client:
-        client.sendall(b"GET /long HTTP/1.1\r\nHost: localhost\r\n\r\n")
+    with opened() as server, raw(server) as client:
+        client.sendall(b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n")
         assert client.recv(12) == b"HTTP/1.1 200"
         n_open = n_files()
         wait_for(lambda: n_files() < n_open, "it is cut off")
@@ -645,141 +591,3 @@ def test_read_only_nothing_of_a_browser_reaches_viser(shown):
     wait_until_left(shown.server)
     assert shown.slider.value == 0.0
     assert shown.joined == []
-
-
-# --- files ---
-
-
-def begin(server, name, size):
-    return join(server, "/upload?" + urlencode({"name": name, "size": size}))
-
-
-def receive(page):
-    return json.loads(page.recv(timeout=TIMEOUT))
-
-
-def upload(server, name, pieces, size=None):
-    """Upload a file; return the answer."""
-    size = sum(map(len, pieces)) if size is None else size
-    with begin(server, name, size) as page:
-        answer = receive(page)
-        if answer["state"] == "ready":
-            for piece in pieces:
-                page.send(piece)
-            answer = receive(page)
-        return answer
-
-
-def test_a_file_arrives_whole_and_is_deleted(server, reader):
-    pieces = [bytes([number]) * 2**18 for number in range(1, 9)]
-    answer = upload(server, "walk.csv", pieces)
-    total = 36 * 2**18
-    assert answer == {"state": "done", "text": f"walk.csv: {2**21} bytes, {total}"}
-    path = reader.paths[-1]
-    assert path.suffix == ".csv"
-    wait_for(lambda: not path.parent.exists(), "deleted")
-
-
-def test_an_empty_file_is_one_too(server):
-    assert upload(server, "a.npz", [])["text"] == "a.npz: 0 bytes, 0"
-
-
-def test_an_error_is_told_in_its_sentence(server, reader):
-    bad = upload(server, "a.csv", [b"bad"])
-    assert bad == {"state": "failed", "text": "a.csv has no joints"}
-    worse = upload(server, "a.csv", [b"worse"])
-    assert worse == {"state": "failed", "text": "a.csv cannot be read: line 3"}
-    wait_for(lambda: not reader.paths[-1].parent.exists(), "deleted")
-
-
-def test_a_file_that_is_too_large_is_refused_unread(server, reader):
-    before = len(reader.paths)
-    with begin(server, "big.npz", MAX_UPLOAD + 1) as page:
-        answer = receive(page)
-    text = "big.npz is larger than 3 MiB, the limit"
-    assert answer == {"state": "failed", "text": text}
-    assert upload(server, "fits.npz", [bytes(MAX_UPLOAD)])["state"] == "done"
-    assert len(reader.paths) == before + 1
-
-
-def test_more_than_was_announced_is_refused(server, reader):
-    before = len(reader.paths)
-    answer = upload(server, "a.csv", [b"12", b"345"], size=4)
-    assert answer["state"] == "failed"
-    assert "differs from the announced one" in answer["text"]
-    assert upload(server, "a.csv", ["text"], size=9)["state"] == "failed"
-    assert len(reader.paths) == before
-
-
-@pytest.mark.parametrize("size", ["", "-1", "1e9", "9" * 99])
-def test_a_size_is_wanted(server, size):
-    with begin(server, "a.csv", size) as page:
-        text = "the browser did not send the size of a.csv"
-        assert receive(page) == {"state": "failed", "text": text}
-
-
-def test_who_leaves_on_the_way_leaves_nothing(server, reader):
-    before = len(reader.paths)
-    with begin(server, "a.csv", 9) as page:
-        receive(page)
-        page.send(b"123")
-    assert upload(server, "b.csv", [b"1"])["state"] == "done"
-    assert len(reader.paths) == before + 1
-
-
-@pytest.mark.parametrize(
-    "name", ["../../etc/passwd", "/etc/cron.d/x", "..\\..\\x", "..", "\0"]
-)
-def test_a_path_of_the_browser_is_not_used(server, reader, name):
-    answer = upload(server, name, [b"1"])
-    assert answer["text"].endswith(": 1 bytes, 49")
-    assert re.fullmatch("upload_[0-9a-f]{8}", reader.paths[-1].name)
-    assert reader.paths[-1].parent.name.startswith("g1_description_upload_")
-
-
-@given(st.text())
-def test_a_name_can_be_shown(name):
-    cleaned = clean_name(name)
-    assert cleaned.isprintable()
-    assert 0 < len(cleaned) <= 120
-    assert not set("/\\") & set(cleaned)
-
-
-def test_only_a_few_are_taken_at_once(server, reader):
-    pages = [begin(server, "a.csv", 4) for _ in range(MAX_AT_ONCE)]
-    for page in pages:
-        assert receive(page) == {"state": "ready"}
-        page.send(b"slow")
-    wait_for(lambda: reader.waiting == MAX_AT_ONCE, "all are being read")
-    assert "again later" in upload(server, "one.csv", [b"1"])["text"]
-    assert fetch(server).status == 200
-    reader.go.set()
-    for page in pages:
-        assert receive(page)["state"] == "done"
-        page.close()
-    assert upload(server, "one.csv", [b"1"])["state"] == "done"
-
-
-def test_a_page_may_take_none():
-    with opened() as server:
-        text = "this page is read-only: files cannot be uploaded"
-        assert upload(server, "a", [b"1"]) == {"state": "failed", "text": text}
-
-
-def test_a_page_that_only_shows_takes_none(shown, reader):
-    before = len(reader.paths)
-    with pytest.raises(InvalidStatus) as caught:
-        begin(shown.server, "a", 1)
-    assert caught.value.response.status_code == 403
-    assert b"read-only" in caught.value.response.body
-    assert b"const readOnly = true;" in fetch(shown.server).body
-    assert len(reader.paths) == before
-
-
-def test_the_connection_ends_with_the_answer(server):
-    with begin(server, "a", 1) as page:
-        receive(page)
-        page.send(b"1")
-        receive(page)
-        with pytest.raises(ConnectionClosed):
-            page.recv(timeout=TIMEOUT)

@@ -31,7 +31,6 @@ ReadMotion = Callable[[Path, Description, Optional[float]], Motion]
 class StillRobot:
     """A robot that is moved only by commands and motions."""
 
-    joint_topic = "/joint_commands"
     history = None
 
     def __init__(self, name: str, description: Description) -> None:

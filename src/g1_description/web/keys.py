@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
+from g1_description.motion.selection import EXCLUDE, KEEP
 from g1_description.web.history_panel import HistoryPanel
 from g1_description.web.keyframes_panel import ADD
+from g1_description.web.library_panel import LibraryPanel
 from g1_description.web.motion_panel import MotionPanel
 from g1_description.web.reach_panel import REDO, UNDO
 from g1_description.web.shown import Shown
@@ -37,7 +39,7 @@ def keys_of(
     view: ViewPanel,
     shown: Shown,
     history: HistoryPanel | None,
-    has_library: bool,
+    library: LibraryPanel | None,
 ) -> list[Key]:
     """List the keys of a page.
 
@@ -46,7 +48,7 @@ def keys_of(
         view: Follows the robot.
         shown: The first robot.
         history: Shows the past, where it is kept.
-        has_library: Whether the page has a list of motions, whose key is K, too.
+        library: Lists motions, if there are several; K keeps the open one then.
     """
 
     def step(way: str) -> None:
@@ -63,10 +65,18 @@ def keys_of(
     ]
     if history is not None:
         keys.append(Key("L", None, "L", "back from the past to live", history.live))
+    if library is not None:
+        step_list, choose = library.step, library.choose
+        keys += [
+            Key("N", None, "N", "open the next motion", lambda: step_list("Next")),
+            Key("P", None, "P", "open the previous one", lambda: step_list("Previous")),
+            Key("K", None, "K", "keep the open motion", lambda: choose(KEEP)),
+            Key("X", None, "X", "exclude the open motion", lambda: choose(EXCLUDE)),
+        ]
     reach, keyframes = shown.reach, shown.keyframes
     if reach is not None and keyframes is not None:
         add = Key("K", None, "K", "add a keyframe", lambda: keyframes.change(ADD))
-        keys += [] if has_library else [add]
+        keys += [] if library is not None else [add]
         keys += [
             Key("G", None, "G", "show gizmos, or hide them", reach.toggle),
             Key("Z", "cmd/ctrl", "Ctrl+Z", "undo", lambda: reach.change(UNDO)),

@@ -55,14 +55,12 @@ SHOWN = (
 STYLE = """<style>
 .g1-list { margin: 0 .8em .5em; font-size: .8em; line-height: 1.3; }
 .g1-list div { display: flex; gap: .5em; padding: .25em; border-top: 1px solid #8884;
-  cursor: pointer; overflow-wrap: anywhere; }
+  overflow-wrap: anywhere; }
 .g1-list div.g1-open { background: #228be622; }
 .g1-list img { width: 72px; height: 48px; object-fit: cover; object-position: top;
   flex: none; }
 .g1-list b { font-weight: 600; } .g1-list small { opacity: .75; display: block; }
 </style>"""
-
-KEYS = "Keys: n next, p previous, k keep, x exclude."
 
 
 class LibraryPanel:
@@ -90,12 +88,12 @@ class LibraryPanel:
         self._open: Entry | None = None
         self._first = 0
         """Number of the first row that is shown."""
-        # Keys press these buttons, and viser has no others than those that are seen.
         self._title = gui.add_markdown("")
-        self._walk = gui.add_button_group("Motion", ["Previous", "Next"], hint=KEYS)
-        self._decide = gui.add_button_group("Choice", ["Keep", "Exclude", "Undecided"])
-        self._ui.on(self._walk, self._step)
-        self._ui.on(self._decide, self._chosen)
+        walk = gui.add_button_group("Motion", ["Previous", "Next"], hint="keys P, N")
+        choices = ["Keep", "Exclude", "Undecided"]
+        decide = gui.add_button_group("Choice", choices, hint="keys K, X")
+        ui.on(walk, lambda: self.step(walk.value))
+        ui.on(decide, lambda: self.choose(decide.value.lower()))
 
     def add_list(self, motion: MotionPanel) -> None:
         """Add the list, and open its first motion.
@@ -181,7 +179,7 @@ class LibraryPanel:
         return f'{STYLE}<div class="g1-list">{"".join(rows)}</div>'
 
     def _row(self, number: str, entry: Entry) -> str:
-        """Write a row; a click on it presses the button of its number."""
+        """Write a row."""
         color = {PASSED: "#2f9e44", **COLORS}.get(entry.result, "#868e96")
         is_open = ' class="g1-open"' if entry is self._open else ""
         mark, note = MARKS[self._library.choice(entry)], self._library.note(entry)
@@ -190,7 +188,7 @@ class LibraryPanel:
             lines.append(f"excluded by {html.escape(entry.excluded_by)}")
         small = "".join(f"<small>{line}</small>" for line in lines if line)
         return (
-            f"<div{is_open} onclick=\"g1.press('{number}')\">"
+            f"<div{is_open}>"
             f"{_image(entry.picture, THUMBNAIL)}<span>{number}. "
             f"<b>{html.escape(entry.name)}</b> {mark} "
             f'<span style="color:{color}">{entry.result}</span>{small}</span></div>'
@@ -198,11 +196,15 @@ class LibraryPanel:
 
     # --- the open motion ---
 
-    def _step(self) -> None:
-        """Open the next or the previous motion of the list."""
+    def step(self, way: str) -> None:
+        """Open the ``Next`` or the ``Previous`` motion of the list.
+
+        Raises:
+            InvalidValueError: If there is none.
+        """
         if not self._listed:
             raise InvalidValueError("No motion is listed: change the filter.")
-        step = 1 if self._walk.value == "Next" else -1
+        step = 1 if way == "Next" else -1
         if self._open in self._listed:
             at = self._listed.index(self._open) + step
         else:  # it was filtered away
@@ -254,9 +256,12 @@ class LibraryPanel:
 
     # --- decisions ---
 
-    def _chosen(self) -> None:
-        """Write down what a person decided on the open motion."""
-        choice = str(self._decide.value).lower()
+    def choose(self, choice: str) -> None:
+        """Write down what a person decided on the open motion.
+
+        Raises:
+            InvalidValueError: If none is open.
+        """
         self._write(choice=choice)
 
     def _noted(self) -> None:

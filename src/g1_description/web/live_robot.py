@@ -57,7 +57,6 @@ class LiveRobot:
         simulator: LiveSimulator | None,
     ) -> None:
         self.name, self.description = parameters.name, description
-        self.joint_topic = rospy.resolve_name(topic_of(parameters, "joint_commands"))
         self._map, self._changed = map_frame, changed
         base = base_of(description)[0]
         prefix = parameters.frame_prefix
@@ -69,7 +68,10 @@ class LiveRobot:
         self._newest: RobotState | None = None
         self._stamp = 0
         self._joint_commands = rospy.Publisher(
-            self.joint_topic, JointState, queue_size=QUEUE_SIZE, tcp_nodelay=True
+            topic_of(parameters, "joint_commands"),
+            JointState,
+            queue_size=QUEUE_SIZE,
+            tcp_nodelay=True,
         )
         self._base_commands = rospy.Publisher(
             topic_of(parameters, "base_command"),

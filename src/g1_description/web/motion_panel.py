@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+import re
 import time
 from collections.abc import Callable
 from functools import partial
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
+from secrets import token_hex
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from g1_description.checks.verdict import Verdict
@@ -19,7 +22,7 @@ from g1_description.web.robot import Player, ShownRobot, ShownWorld
 from g1_description.web.ui_loop import Newest, UiLoop
 
 if TYPE_CHECKING:
-    from viser import GuiApi
+    from viser import GuiApi, UploadedFile
 
 
 STEP = 0.001
@@ -39,14 +42,8 @@ RATE = 30.0
 
 SPEEDS = ("0.1", "0.25", "0.5", "1", "1.5", "2", "4")
 
-FILE_INPUT = """
-<label style="display:block;margin:0.2em 0.8em 0.6em;padding:0.45em;cursor:pointer;
-border:1px dashed #8a94a6;border-radius:4px;text-align:center;font-size:0.85em">
-Open a motion, or drop it anywhere
-<input type="file" style="display:none"
- onchange="g1.upload(this.files[0]);this.value=''">
-</label>
-"""
+SUFFIX = re.compile(r"(\.[A-Za-z0-9]{1,10}){0,2}$")
+"""End of a file's name that readers look at."""
 
 
 class MotionPanel:
@@ -94,8 +91,7 @@ class MotionPanel:
         """Add the elements."""
         gui, names = self._gui, [robot.name for robot in self._world.robots]
         can_open = not self._read_only and self._world.can_move
-        if can_open:
-            gui.add_html(FILE_INPUT)
+        file = gui.add_upload_button("Open a motion", visible=can_open)
         self._robot = gui.add_dropdown(
             "Robot", names, visible=can_open and len(names) > 1
         )
@@ -119,6 +115,7 @@ class MotionPanel:
             "Speed", SPEEDS, initial_value="1", visible=False
         )
         self._loop = gui.add_checkbox("Loop", self._read_only, visible=False)
+        file.on_upload(lambda _: self._uploaded(file.value))
         self._ui.on(self._robot, lambda: None)
         self._ui.on(self._line, self._moved)
         self._ui.on(self._play, self.toggle)
@@ -127,35 +124,30 @@ class MotionPanel:
 
     # --- opening ---
 
-    def read(self, name: str, path: Path) -> str:
-        """Read and open a file; called in a separate thread.
+    def _uploaded(self, file: UploadedFile) -> None:
+        """Open a file that came from a browser; called by a thread of viser."""
+        robot, name = self._chosen, PureWindowsPath(file.name).name or "file"
+        read = partial(self._read, name, file.content, robot)
+        self._ui.wait_for(read, partial(self.open, name, robot))
 
-        Args:
-            name: The user's name of the file.
-            path: Its temporary path.
-
-        Returns:
-            A message on the motion.
-
-        Raises:
-            G1DescriptionError: If it is not a motion of the selected robot.
-        """
-        robot = self._chosen
+    def _read(self, name: str, content: bytes, robot: ShownRobot) -> Motion:
+        """Read a motion; errors have the person's name of the file."""
         rate = float(self._rate.value)
         if not 0.0 < rate < math.inf:
             raise InvalidValueError(
                 f"Samples per second must be greater than 0 (got {rate:g})."
             )
-        try:
-            # None for the default rate, else files with times would note that it is
-            # ignored.
-            motion = self._world.read(path, robot, None if rate == RATE else rate)
-        except MotionError as error:
-            text = str(error).replace(str(path), name).replace(path.name, name)
-            raise MotionError(text) from error
-        self._ui.post(("open", robot), lambda: self.open(name, robot, motion))
-        times = motion.times
-        return f"{name}: {times[-1] - times[0]:.2f} s, {len(times)} samples."
+        end = SUFFIX.search(name)
+        with TemporaryDirectory(prefix="g1_description_upload_") as folder:
+            path = Path(folder, f"upload_{token_hex(4)}{end.group() if end else ''}")
+            path.write_bytes(content)
+            try:
+                # None for the default rate, else files with times would note that it
+                # is ignored.
+                return self._world.read(path, robot, None if rate == RATE else rate)
+            except MotionError as error:
+                text = str(error).replace(str(path), name).replace(path.name, name)
+                raise MotionError(text) from error
 
     def open(
         self,

@@ -30,8 +30,6 @@ from g1_description.web.motion_panel import MotionPanel
 from g1_description.web.plots import PlotPanel
 from g1_description.web.reach_panel import ReachPanel
 from g1_description.web.robot import ShownRobot, ShownWorld
-from g1_description.web.scene.marks import KEYS as POINTED
-from g1_description.web.scene.marks import Pointer
 from g1_description.web.scene.stage import Stage
 from g1_description.web.scene.tree import free_name
 from g1_description.web.shown import Shown
@@ -40,7 +38,7 @@ from g1_description.web.ui_loop import UiLoop
 from g1_description.web.view_panel import ViewPanel
 
 if TYPE_CHECKING:
-    from viser import GuiTabGroupHandle, ViserServer
+    from viser import ClientHandle, GuiTabGroupHandle, ViserServer
 
 
 RATE = 40.0
@@ -83,7 +81,6 @@ class Page:
         self._make_checker = make_checker
         self._checks = CheckThread(self.ui, make_checker, self._seen)
         self._stage = Stage(server)
-        self._pointer = Pointer(server)
         names: set[str] = set()
         self._shown = [
             Shown(server, robot, free_name(robot.name, names)) for robot in world.robots
@@ -97,6 +94,7 @@ class Page:
         self._library = library
         self._found: dict[ShownRobot, Verdict] = {}
         self._add_panels(motion_first)
+        server.on_client_connect(self._label)
 
     def _add_panels(self, motion_first: bool) -> None:
         """Add all panels."""
@@ -140,7 +138,13 @@ class Page:
             with folder:
                 library.add_list(self.motion)
         if not self._read_only:
-            self._add_looks(tabs)
+            self._add_looks(tabs, library)
+
+    def _label(self, client: ClientHandle) -> None:
+        """Say in upright windows that the panel, which covers half of them, folds."""
+        if client.camera.image_width < client.camera.image_height:
+            name = self._world.robots[0].description.name
+            client.gui.set_panel_label(f"{name}: tap to fold or open")
 
     @property
     def _can_rewind(self) -> bool:
@@ -158,22 +162,20 @@ class Page:
             self._now = gui.add_markdown("")
         self.motion.opened = self._on_opened
 
-    def _add_looks(self, tabs: GuiTabGroupHandle) -> None:
+    def _add_looks(self, tabs: GuiTabGroupHandle, library: LibraryPanel | None) -> None:
         """Add the tabs View and Plots."""
         gui, world = self._server.gui, self._world
         for shown in self._shown:
             self._name_on_click(shown)
         with tabs.add_tab("View"):
             bodies = [shown.body for shown in self._shown]
-            known = world.has_commanded, world.can_move
             self._view = ViewPanel(
-                gui, self.ui, self._stage, bodies, *known, self._one_file
+                gui, self.ui, self._stage, bodies, world.has_commanded, self._one_file
             )
             if world.can_arrange:
                 self._add_arrangement()
-            has_library = self._library is not None
             first, history = self._shown[0], self._history
-            keys = keys_of(self.motion, self._view, first, history, has_library)
+            keys = keys_of(self.motion, self._view, first, history, library)
             add_keys(gui, self.ui, keys)
         with tabs.add_tab("Plots"):
             robots = [shown.robot for shown in self._shown]
@@ -251,15 +253,9 @@ class Page:
         return self._make_checker(robot.description).collisions
 
     def _name_on_click(self, shown: Shown) -> None:
-        """Show the name of a link on a click, or under the mouse."""
-        body, post, point = shown.body, self.ui.post, self._pointer.show
-        body.on_click(lambda link, _: post("name", lambda: body.name(link)))
-        body.on_click(
-            lambda link, client: post(
-                ("point", client.client_id), lambda: point(body, link, client)
-            ),
-            POINTED,
-        )
+        """Show the name of a link on a click."""
+        body, post = shown.body, self.ui.post
+        body.on_click(lambda link: post("name", lambda: body.name(link)))
 
     def _on_opened(self) -> None:
         """Plot another motion."""
@@ -299,7 +295,6 @@ class Page:
     def _draw(self) -> None:
         """Show the states of all robots."""
         self._world.tick()
-        self._pointer.tick()
         if self._simulator is not None:
             self._simulator.follow()
         self.motion.follow()

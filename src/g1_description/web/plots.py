@@ -64,7 +64,6 @@ AGAIN = 3.0
 """Pause after an error, in [s]."""
 
 TIME = "Time in the plots"
-"""Label of the field that the page's script fills in on a press in a plot."""
 
 
 class Curve(NamedTuple):
@@ -135,7 +134,7 @@ class PlotPanel:
         self._told = gui.add_markdown(LEGEND)
         self._folder = gui.add_folder(None)
         self._time = gui.add_number(
-            TIME, 0.0, step=0.001, hint="in s; press in a plot to go there"
+            TIME, 0.0, step=0.001, hint="in s; type one to go there"
         )
         self._choose()
         ui.on(self._whose, self._choose)
@@ -389,7 +388,7 @@ class PlotPanel:
         return (times, *columns, mark)
 
     def _go(self) -> None:
-        """Show the time that was entered, or pressed in a plot."""
+        """Show the time that was entered."""
         at = float(self._time.value)
         self._guard.hold(self._time)
         if not math.isfinite(at):

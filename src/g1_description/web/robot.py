@@ -22,8 +22,6 @@ class ShownRobot(Protocol):
 
     name: str
     description: Description
-    joint_topic: str
-    """Topic of joint commands."""
     anchor: str
     """Link that stays at its place while joints move, or ``lowest_foot``; empty:
     none."""

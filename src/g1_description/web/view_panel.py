@@ -1,4 +1,4 @@
-"""What is seen: switches for layers, a picture, and the configuration as text."""
+"""Switches for layers of the scene, and files of what is shown."""
 
 from __future__ import annotations
 
@@ -18,18 +18,6 @@ if TYPE_CHECKING:
 RENDER_TIMEOUT = 20.0
 """Longest wait for a picture, in [s]: browsers without a GPU are slow."""
 
-COPY = """
-<div style="display:flex;gap:0.4em;margin:0 0.8em 0.6em;font-size:0.85em">
-<button style="flex:1;padding:0.4em;cursor:pointer"
- onclick="g1.copy('/configuration.yaml')">Copy as YAML</button>
-{command}</div>
-"""
-
-COPY_COMMAND = """\
-<button style="flex:1;padding:0.4em;cursor:pointer"
- onclick="g1.copy('/configuration.sh')">Copy rostopic pub</button>
-"""
-
 
 class ViewPanel:
     """Switches of layers that are drawn beside or instead of the robots."""
@@ -41,7 +29,6 @@ class ViewPanel:
         stage: Stage,
         robots: Sequence[SceneRobot],
         has_commanded: bool,
-        can_move: bool,
         share: Callable[[], str],
     ) -> None:
         """Add the panel.
@@ -52,7 +39,6 @@ class ViewPanel:
             stage: Floor and map.
             robots: All robots.
             has_commanded: Whether the commanded configuration is known.
-            can_move: Whether anybody takes commands.
             share: Writes a page of what is shown; it may block.
         """
         self._gui, self._ui = gui, ui
@@ -83,7 +69,6 @@ class ViewPanel:
             hint="the shown past, the open motion or the robot, as one HTML file",
         )
         page.on_click(self._share)
-        gui.add_html(COPY.format(command=COPY_COMMAND if can_move else ""))
 
     def toggle_follow(self) -> None:
         """Follow the robot, or stop that."""

@@ -103,7 +103,6 @@ class Browser:
             viewport={"width": width, "height": height},
             is_mobile=phone,
             has_touch=phone,
-            permissions=["clipboard-read", "clipboard-write"],
         )
         if script:
             window.add_init_script(script)

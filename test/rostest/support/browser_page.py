@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import io
 import re
 import time
@@ -98,10 +97,6 @@ class Page:
         self.wait_for(same, "a picture that stays", timeout)
         return shots[-1]
 
-    def clipboard(self):
-        """Read the text that was copied last."""
-        return self.raw.evaluate("navigator.clipboard.readText()")
-
     # --- hands ----------------------------------------------------------------
 
     def press(self, name):
@@ -165,22 +160,6 @@ class Page:
         self.raw.mouse.move(*end, steps=steps)
         self.raw.mouse.up()
 
-    def drop_file(self, path, selector="body"):
-        """Drop a file on an element, as from the desktop."""
-        path = Path(path)
-        data = base64.b64encode(path.read_bytes()).decode()
-        transfer = self.raw.evaluate_handle(
-            """([data, name]) => {
-                const bytes = Uint8Array.from(atob(data), c => c.charCodeAt(0));
-                const transfer = new DataTransfer();
-                transfer.items.add(new File([bytes], name));
-                return transfer;
-            }""",
-            [data, path.name],
-        )
-        for event in ("dragenter", "dragover", "drop"):
-            self.raw.dispatch_event(selector, event, {"dataTransfer": transfer})
-
     def download(self, action, folder):
         """Do what makes the page save a file; give the path of the file in a folder."""
         with self.raw.expect_download() as download:
@@ -239,13 +218,6 @@ class Slider:
             typed = self._field.input_value()
         self._field.press("Enter")
         self._field.blur()
-
-    def type_keys(self, text, *keys):
-        """Type a text over that of its field key by key, and press more keys."""
-        self._field.click(click_count=3)
-        self._page.raw.keyboard.type(text, delay=20)
-        for key in keys:
-            self._page.raw.keyboard.press(key)
 
 
 def _exactly(text):

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import time
 from functools import partial
 from typing import TYPE_CHECKING, Any, Callable
 
 import numpy as np
 
 from g1_description.checks.marks import Color
-from g1_description.web.scene.robot import SceneRobot, rgb
+from g1_description.web.scene.robot import rgb
 
 if TYPE_CHECKING:
-    from viser import LabelHandle, SceneApi, SceneNodeHandle, ViserServer
+    from viser import SceneApi, SceneNodeHandle
 
 
 Add = Callable[..., Any]
@@ -142,38 +141,3 @@ class SceneMarks:
             text=text,
             position=place,
         )
-
-
-KEYS = "cmd/ctrl+alt+shift"
-"""viser reports only clicks. The page's script makes a resting mouse click with these
-modifier keys."""
-
-SHOWN = 3.0
-"""How long a name stays where the mouse rests, in [s]."""
-
-
-class Pointer:
-    """Shows the name of the link under the mouse to each user."""
-
-    def __init__(self, server: ViserServer) -> None:
-        self._server = server
-        self._shown: dict[int, tuple[LabelHandle, float]] = {}
-
-    def show(self, body: SceneRobot, link: str, client: Any) -> None:
-        """Show the name of a link to one person, instead of the one before."""
-        self._hide(client.client_id)
-        if client.client_id not in self._server.get_clients():
-            return
-        until = time.monotonic() + SHOWN
-        self._shown[client.client_id] = body.point_at(link, client), until
-
-    def tick(self) -> None:
-        """Hide the names that were shown for long enough."""
-        now = time.monotonic()
-        for number in [n for n, (_, until) in self._shown.items() if until < now]:
-            self._hide(number)
-
-    def _hide(self, number: int) -> None:
-        label, _ = self._shown.pop(number, (None, 0.0))
-        if label is not None and number in self._server.get_clients():
-            label.remove()

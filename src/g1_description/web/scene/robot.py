@@ -141,16 +141,11 @@ class SceneRobot:
         """Names of links at their origins."""
         return [self._add_name(link) for link in self.tree.frames if link != WORLD]
 
-    def on_click(self, act: Callable[[str, Any], object], keys: Any = None) -> None:
-        """Set an action for clicks on a link.
-
-        Args:
-            act: Called with the link's name and the client.
-            keys: Modifier keys, as for viser; None: no keys.
-        """
+    def on_click(self, act: Callable[[str], object]) -> None:
+        """Set an action for clicks on a link, which gets its name."""
 
         def attach(mesh: MeshHandle, link: str) -> None:
-            mesh.on_click(modifier=keys)(lambda event: act(link, event.client))
+            mesh.on_click()(lambda _: act(link))
 
         for link, meshes in self._visuals.items():
             for mesh, _ in meshes:
@@ -196,20 +191,12 @@ class SceneRobot:
         place = (0.0, 0.0, TAG + TAG_ROW * row)
         self._scene.add_label(f"{root}/tag", text, position=place)
 
-    def point_at(self, link: str, client: Any) -> LabelHandle:
-        """Show the name of one link to one person."""
-        return self._add_name(link, "pointed_at", LARGE, client.scene)
-
     def _add_name(
-        self,
-        link: str,
-        kind: str = "name",
-        scale: float = SMALL,
-        scene: SceneApi | None = None,
+        self, link: str, kind: str = "name", scale: float = SMALL
     ) -> LabelHandle:
         """Add the name of a link at its origin."""
         path = f"{self.tree.frames[link].name}/{kind}"
-        return (scene or self._scene).add_label(
+        return self._scene.add_label(
             path, link, font_screen_scale=scale, anchor="center-left"
         )
 

@@ -10,9 +10,6 @@ from dataclasses import dataclass
 from g1_description.bounds import MAX_PORT
 from g1_description.errors import PageServerError, cause
 
-MAX_UPLOAD = 64 * 2**20
-"""Largest file that the page takes, in bytes: minutes of motion as text."""
-
 MAX_BROWSERS = 32
 """Most pages open at once. Each costs the scene's updates, packed for it alone."""
 
@@ -29,9 +26,6 @@ class ServerOptions:
 
     read_only: bool = False
     """Whether the page only shows: nothing that a browser sends has any effect."""
-
-    max_upload: int = MAX_UPLOAD
-    """Largest file that is taken, in bytes."""
 
     max_browsers: int = MAX_BROWSERS
     """Most pages open at once."""

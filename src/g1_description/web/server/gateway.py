@@ -19,12 +19,11 @@ from websockets.exceptions import ConnectionClosed
 from websockets.frames import CloseCode
 from websockets.http11 import Request, Response
 
-from g1_description.errors import G1DescriptionError, PageServerError, cause
+from g1_description.errors import PageServerError, cause
 from g1_description.web.server.address import ServerOptions
 from g1_description.web.server.admission import Admission
 from g1_description.web.server.hidden_viser import SLOW_HEADER, HiddenViser
-from g1_description.web.server.pages import Pages, sentence
-from g1_description.web.server.uploads import Uploads
+from g1_description.web.server.pages import ScriptedPage, sentence
 
 MAX_QUEUE = 2
 """Most messages read ahead of what the other side has taken."""
@@ -151,7 +150,6 @@ WARNING_PERIOD = 60.0
 """Least time between warnings, in [s]: others decide how often there is a reason."""
 
 NOTHING_HERE = "There is nothing at this address."
-NO_FILES = "This page is read-only: files cannot be uploaded."
 
 log = logging.getLogger(__name__)
 quiet = logging.getLogger(__name__ + ".connections")
@@ -172,8 +170,7 @@ class Gateway:
         options: ServerOptions,
         hidden: HiddenViser,
         admission: Admission,
-        pages: Pages,
-        uploads: Uploads,
+        page: ScriptedPage,
     ) -> None:
         """Prepare it.
 
@@ -181,8 +178,7 @@ class Gateway:
             options: What the program chose.
             hidden: viser, to which browsers are connected.
             admission: Who may come in.
-            pages: What is answered over HTTP.
-            uploads: What takes files.
+            page: The answer over HTTP.
         """
         self.watched = threading.Event()
         self.browsers = 0
@@ -190,8 +186,7 @@ class Gateway:
         self._options = options
         self._hidden = hidden
         self._admission = admission
-        self._pages = pages
-        self._uploads = uploads
+        self._page = page
         self._next_warning = 0.0
         self._opened: Future[None] = Future()
 
@@ -215,7 +210,6 @@ class Gateway:
         if self._thread.is_alive():
             self._loop.call_soon_threadsafe(self._stopping.set)
             self._thread.join(10.0)
-        self._uploads.close()
 
     def _run(self, listening: socket.socket) -> None:
         """Serve until ``close``, or report an error to ``open``."""
@@ -269,7 +263,7 @@ class Gateway:
         elif "websocket" in ",".join(request.headers.get_all("Upgrade")).lower():
             response = self._refuse_websocket(path)
         else:
-            response = await self._answer(path, request.headers)
+            response = self._answer(path, request.headers)
         if response is not None:
             transport = weakref.ref(connection.transport)
             self._loop.call_later(PAGE_TIMEOUT, _abort, transport)
@@ -278,11 +272,9 @@ class Gateway:
 
     def _refuse_websocket(self, path: str) -> Response | None:
         """Answer a websocket that cannot be; None for one that can."""
-        if path not in {"/", "/upload"}:
+        if path != "/":
             return sentence(HTTPStatus.NOT_FOUND, NOTHING_HERE)
-        if path == "/upload" and self._options.read_only:
-            return sentence(HTTPStatus.FORBIDDEN, NO_FILES)
-        if path == "/" and self.browsers >= self._options.max_browsers:
+        if self.browsers >= self._options.max_browsers:
             return sentence(HTTPStatus.SERVICE_UNAVAILABLE, self._too_many())
         return None
 
@@ -291,27 +283,15 @@ class Gateway:
         most = self._options.max_browsers
         return f"{most} pages are open, the limit: close one."
 
-    async def _answer(self, path: str, headers: Headers) -> Response:
-        """Answer a request for the page or a text."""
-        name = path[1:]
+    def _answer(self, path: str, headers: Headers) -> Response:
+        """Answer a request for the page."""
         if path == "/":
-            return self._pages.page(headers, self._admission.cookie())
-        if not self._pages.has_text(name):
-            return sentence(HTTPStatus.NOT_FOUND, NOTHING_HERE)
-        try:
-            text = await self._loop.run_in_executor(None, self._pages.text, name)
-        except G1DescriptionError as error:
-            return sentence(HTTPStatus.SERVICE_UNAVAILABLE, str(error))
-        return sentence(HTTPStatus.OK, text)
+            return self._page.answer(headers, self._admission.cookie())
+        return sentence(HTTPStatus.NOT_FOUND, NOTHING_HERE)
 
     async def _on_connection(self, browser: ServerConnection) -> None:
         """Serve a websocket."""
-        assert browser.request is not None
-        path, _, query = browser.request.path.partition("?")
-        if path == "/upload":
-            await self._uploads.receive(browser, query)
-            await refuse(browser, CloseCode.NORMAL_CLOSURE, "")
-        elif browser.subprotocol != self._hidden.subprotocol:
+        if browser.subprotocol != self._hidden.subprotocol:
             why = "Version mismatch: reload the page."
             await refuse(browser, CloseCode.PROTOCOL_ERROR, why)
         elif self.browsers >= self._options.max_browsers:

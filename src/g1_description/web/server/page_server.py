@@ -5,8 +5,6 @@ from __future__ import annotations
 import atexit
 import secrets
 import threading
-from collections.abc import Callable, Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from g1_description.errors import PageServerError
@@ -32,21 +30,11 @@ class PageServer:
         watched: Set while at least one browser shows the page.
     """
 
-    def __init__(
-        self,
-        options: ServerOptions,
-        on_file: Callable[[str, Path], str] | None = None,
-        texts: Mapping[str, Callable[[], str]] | None = None,
-    ) -> None:
+    def __init__(self, options: ServerOptions) -> None:
         """Open it.
 
         Args:
             options: Where, and for whom.
-            on_file: Called in a thread with each file that is dropped into the page,
-                its name and where it lies until this returns. It returns the sentence
-                that the person sees. None: no files are taken.
-            texts: What gives a text, by the name at which it is offered, such as
-                ``configuration.yaml``. Called in a thread.
 
         Raises:
             PageServerError: If viser is not installed, or the port cannot be opened.
@@ -55,8 +43,7 @@ class PageServer:
         from g1_description.web.server.admission import Admission
         from g1_description.web.server.gateway import Gateway
         from g1_description.web.server.hidden_viser import HiddenViser
-        from g1_description.web.server.pages import Pages
-        from g1_description.web.server.uploads import Uploads
+        from g1_description.web.server.pages import ScriptedPage
 
         opened = listen(options.host, options.port)
         base = origin(options.host, opened)
@@ -69,8 +56,7 @@ class PageServer:
             options,
             self._hidden,
             Admission(token, base, opened.getsockname()[1]),
-            Pages(texts or {}, options.read_only),
-            Uploads(on_file, options.max_upload),
+            ScriptedPage(),
         )
         self.watched: threading.Event = self._gateway.watched
         try:

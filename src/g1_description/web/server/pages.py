@@ -1,11 +1,11 @@
-"""What is answered over HTTP: viser's page with our script, and texts."""
+"""Answers over HTTP: viser's page with our script."""
 
 from __future__ import annotations
 
 import gzip
 import hashlib
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from http import HTTPStatus
 from pathlib import Path
 
@@ -46,33 +46,28 @@ def respond(
 
 
 def sentence(status: HTTPStatus, text: str) -> Response:
-    """Make an answer of one sentence, or of a text that changes."""
+    """Make an answer of one sentence."""
     kind = "text/plain; charset=utf-8"
     return respond(status, text.encode(), kind, {"Cache-Control": "no-store"})
 
 
-class Pages:
-    """The page, and the texts beside it."""
+class ScriptedPage:
+    """The page."""
 
-    def __init__(self, texts: Mapping[str, Callable[[], str]], read_only: bool) -> None:
+    def __init__(self) -> None:
         """Put the page together.
-
-        Args:
-            texts: What gives a text, by the name that it has in the address.
-            read_only: Whether the page takes no files.
 
         Raises:
             OSError: If viser has no page.
         """
         index = Path(viser.__file__).parent / "client" / "build" / "index.html"
         before, end, after = index.read_text(encoding="utf-8").rpartition("</body>")
-        ours = f"<script>{_script(read_only)}</script>"
+        ours = f"<script>{SCRIPT.read_text(encoding='utf-8')}</script>"
         self._page = f"{before}{ours}{end}{after}".encode()
         self._packed = gzip.compress(self._page, 6)
         self._tag = f'"{hashlib.sha256(self._page).hexdigest()[:16]}"'
-        self._texts = dict(texts)
 
-    def page(self, headers: Headers, cookie: str | None) -> Response:
+    def answer(self, headers: Headers, cookie: str | None) -> Response:
         """Answer with the page.
 
         Args:
@@ -94,20 +89,6 @@ class Pages:
             more["Content-Encoding"] = "gzip"
             return respond(HTTPStatus.OK, self._packed, kind, more)
         return respond(HTTPStatus.OK, self._page, kind, more)
-
-    def has_text(self, name: str) -> bool:
-        """Tell whether there is a text of a name."""
-        return name in self._texts
-
-    def text(self, name: str) -> str:
-        """Return the text of a name as it is now."""
-        return self._texts[name]()
-
-
-def _script(read_only: bool) -> str:
-    """Return the page's own script."""
-    text = SCRIPT.read_text(encoding="utf-8")
-    return text.replace("READ_ONLY", "true" if read_only else "false")
 
 
 def _policy(host: str) -> str:
