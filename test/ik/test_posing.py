@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from g1_description import Robot
-from g1_description.ik.posing import Posing
+from g1_description.ik.posing import STEPS, Posing
 from g1_description.robot.state import RobotState
 
 BASE = np.array([0.0, 0.0, 0.7634, 0.0, 0.0, 0.0, 1.0])
@@ -92,36 +92,23 @@ def test_links_are_dragged_by_their_centres(g1, posing):
 
 
 @pytest.mark.parametrize("is_let_go", [False, True])
-def test_a_drag_in_pieces_of_few_steps_ends_where_one_in_one_piece_does(
-    posing, is_let_go
-):
+def test_a_search_whose_results_are_followed_ends_where_a_drag_does(posing, is_let_go):
     target = np.add(posing.places()["head_link"][:3], [3.0, 0.0, 0.0])
     whole = posing.drag("head", target)
     posing.undo()
-    posing.end_drag()
-    found, pieces = posing.drag("head", target, most=4), []
+    pieces = posing.search("head", target)
     if is_let_go:
         posing.end_drag()
-    while found is not None:
-        pieces.append(found)
-        found = posing.go_on()
-    steps = np.diff([0, *(piece.steps for piece in pieces)])
-    assert len(steps) > 2
-    assert (steps <= 4).all()
-    assert pieces[-1].steps == whole.steps
-    np.testing.assert_array_equal(pieces[-1].positions, whole.positions)
-    np.testing.assert_array_equal(pieces[-1].base, whole.base)
-    placed, _ = posing.place()
-    np.testing.assert_array_equal(placed, whole.positions)
-
-
-def test_nothing_is_searched_after_a_drag_that_was_undone(posing):
-    before, _ = posing.place()
-    target = np.add(posing.places()["head_link"][:3], [3.0, 0.0, 0.0])
-    posing.drag("head", target, most=4)
-    posing.undo()
-    assert posing.go_on() is None
-    np.testing.assert_array_equal(posing.place()[0], before)
+    steps = [0]
+    for found in pieces:
+        posing.follow(found)
+        steps.append(found.steps)
+    assert len(steps) > 3
+    assert (np.diff(steps) <= STEPS).all()
+    assert steps[-1] == whole.steps
+    np.testing.assert_array_equal(found.positions, whole.positions)
+    np.testing.assert_array_equal(found.base, whole.base)
+    np.testing.assert_array_equal(posing.place()[0], whole.positions)
 
 
 def test_the_standing_pose_is_that_of_the_profile(posing):

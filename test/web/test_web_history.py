@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 import threading
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -25,10 +27,18 @@ from g1_description.ros.history import HistoryClient
 from g1_description.ros.waiting import NoAnswerError, RefusedError
 from g1_description.sim.standing import standing_base
 from g1_description.web.check_thread import CheckThread
-from g1_description.web.file_world import StillRobot
+from g1_description.web.file_world import FileWorld, StillRobot
 from g1_description.web.history_panel import HistoryPanel
+from g1_description.web.library import Library
 from g1_description.web.saved_motions import check_file_name
-from g1_description.web.ui_loop import Newest, UiLoop
+from g1_description.web.server.address import ServerOptions
+from g1_description.web.show import Show
+from g1_description.web.ui_loop import UiLoop
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
+from web_clients import running
+
+from page_client import PageClient
 
 BASE = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
 
@@ -57,8 +67,8 @@ class Direct(HistoryClient):
 class Rewound(StillRobot):
     """A robot with a history; it is where its last state is."""
 
-    def __init__(self, name):
-        super().__init__(name, chain("a", "b"))
+    def __init__(self, name, description=None):
+        super().__init__(name, description or chain("a", "b"))
         self.past, self.now, self.commands = History(600.0), None, []
         self.history = Direct(self, self.past)
 
@@ -139,7 +149,7 @@ def test_there_is_nothing_later_than_live(page):
     panel = page.panel
     for way in ("+1", "+1 s"):
         panel.step(way)
-    page.settle(lambda: not page.ui.is_busy, "nothing")
+    page.settle(lambda: not page.ui.calls.is_busy, "nothing")
     assert panel.shown is None and page.text.content == "**Live**"
     panel.step("-1")
     page.settle(lambda: page.shown() == 49.99, "the state before")
@@ -194,12 +204,12 @@ def test_what_is_checked_is_the_time_line_when_it_was_pressed(page):
     panel = page.panel
     panel._length.value = "5"
     panel._set_length()
-    release = threading.Event()
-    page.ui.wait_for(release.wait)
+    may_answer = page.robots[0].history.may_answer
+    may_answer.clear()
     panel._check()
     panel._length.value = "10"
     panel._set_length()
-    release.set()
+    may_answer.set()
     page.settle(lambda: page.checked, "a check")
     _, robot, motion, _, _ = page.checked[0]
     assert robot is page.robots[0]
@@ -241,30 +251,6 @@ def test_that_the_history_begins_later_is_told(page):
     assert panel._problem.content == ""
 
 
-def test_the_newest_thing_is_done_and_others_come_between(page):
-    newest, done = Newest(page.ui), []
-
-    def fail():
-        done.append("fail")
-        newest.wait_for(lambda: done.append("newest"))
-        raise InvalidValueError("told")
-
-    newest.wait_for(fail)
-    page.ui.wait_for(lambda: done.append("other"))
-    page.settle(lambda: "newest" in done, "all")
-    assert done in (["fail", "other", "newest"], ["fail", "newest", "other"])
-    assert page.told == ["told"]
-
-    def again():
-        done.append("again")
-        newest.wait_for(again)
-
-    newest.wait_for(again)
-    page.ui.wait_for(lambda: done.append("between"))
-    page.settle(lambda: "between" in done, "its turn")
-    newest.wait_for(lambda: None)
-
-
 @pytest.mark.parametrize(
     "name",
     ["", "1", "../x", "x./../../y.csv", "a b", "x.html", "x.", "x.csv.bag", "x/y"],
@@ -303,3 +289,78 @@ def test_a_past_state_is_judged_by_the_one_before_it(page):
     assert not skipped(state(0.5), True)  # nobody knows
     assert not skipped(state(6.0))  # live again
     assert skipped(state(6.02))
+
+
+class Stepped:
+    """A simulator that pauses and steps at once."""
+
+    is_paused, is_stand_in, is_kinematic = False, True, True
+
+    def __init__(self):
+        self.calls = []
+
+    def status(self):
+        return "here"
+
+    def pause(self):
+        self.calls.append("pause")
+
+    def step(self, steps):
+        self.calls.append(steps)
+
+
+def test_a_second_browser_is_answered_while_the_first_one_lets_compute(tmp_path):
+    """A drag out of reach, five minutes of keyframes, a folder that is being read."""
+    model, may_read = Robot(), threading.Event()
+    robot = Rewound("g1", model.description)
+    stand = dict(zip(model.joint_names, model.pose("stand").tolist()))
+    base = standing_base(model.description, stand)
+    for at in (10.0, 11.0, 12.0):
+        values = np.array([*stand.values()])
+        robot.now = RobotState(round(1e9 * at), (*stand,), values, base_pose=base)
+        robot.past.add(robot.now)
+
+    def read(*_):
+        may_read.wait(DEADLINE)
+        raise InvalidValueError("There is no such motion.")
+
+    world, files = FileWorld([robot], read), [tmp_path / "a.csv", tmp_path / "b.csv"]
+    world.simulator = simulator = Stepped()
+    show = Show(
+        world,
+        ServerOptions(port=0),
+        lambda _: model.checker(),
+        Library(tmp_path, files),
+    )
+    with running(show), PageClient(show.address) as one, PageClient(
+        show.address
+    ) as other:
+
+        def change(what, count):
+            one.set("Keyframe", what)
+            one.wait_for(lambda: len(one.element("Selected")["options"]) == count, what)
+
+        one.set("Seconds before", 60.0)
+        for count in range(1, 7):
+            change("Add", count)
+        one.set("Gizmos", True)
+        turn, away = (1.0, 0.0, 0.0, 0.0), (3.0, 0.0, 1.0)
+        hand = {"name": "/map/reach/g1/left_hand", "wxyz": turn, "position": away}
+        one.send("TransformControlsUpdateMessage", owner="", **hand)
+        wait_for(lambda: robot.commands, "the drag")
+        other.press("Pause")
+        wait_for(lambda: "pause" in simulator.calls, "the pause")
+        other.press("Step")
+        wait_for(lambda: 10 in simulator.calls, "the steps")
+        other.set("Back", -1.0)
+        other.wait_for(
+            lambda: any(
+                "**Past:** 11" in str(element.get("_markdown"))
+                for element in [*other.elements.values()]
+            ),
+            "the past",
+        )
+        assert not show.page.motion.motions, "all of it goes on"
+        for count in range(5, 0, -1):
+            change("Delete", count)
+        may_read.set()

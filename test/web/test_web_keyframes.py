@@ -155,17 +155,6 @@ def test_a_time_that_is_too_short_is_lengthened_and_told(shown, browser):
     assert "2 at 0.02 s" < selected < "2 at 0.30 s"
 
 
-def test_others_are_answered_while_a_long_motion_is_made(shown, browser):
-    opened(shown, 2, 1.0)
-    robot, show = shown
-    ui, motions, ends = show.page.ui, show.page.motion.motions, []
-    browser.set("Seconds before", 10.0)
-    wait_for(lambda: ui.is_busy, "the beginning")
-    ui.wait_for(lambda: None, lambda _: ends.append(motions[robot].times[-1]))
-    opened(shown, 2, 10.0)
-    assert ends == [pytest.approx(1.0)], "answered before"
-
-
 def test_motions_and_poses_are_saved(g1, shown, browser, tmp_path):
     motion = opened(shown, 2, 1.0)
     browser.set("Save as", "lift")

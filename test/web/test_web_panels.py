@@ -37,7 +37,7 @@ from g1_description.web import controls
 from g1_description.web import findings_panel as findings
 from g1_description.web.controls import JointPanel, slider_range
 from g1_description.web.simulator_panel import SimulatorPanel
-from g1_description.web.ui_loop import UiLoop
+from g1_description.web.ui_loop import Lane, UiLoop
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
 from page_client import PageClient
@@ -395,7 +395,7 @@ def poses(server, monkeypatch, tmp_path):
     done = []
     ui = SimpleNamespace(
         on=lambda handle, action: None,
-        wait_for=lambda action: action(),
+        calls=SimpleNamespace(do=lambda action: action()),
         tell=lambda *words: done.append(words),
     )
     world = SimpleNamespace(move=lambda *given: done.append(given))
@@ -493,7 +493,7 @@ def stepped(server, client, ui):
     panel = SimulatorPanel(server.gui, ui, simulator, "g1", read_only=False)
     yield simulator, panel
     simulator.gate.set()
-    wait_for(lambda: not ui.is_busy, "the end")
+    wait_for(lambda: not ui.calls.is_busy, "the end")
     server.gui.reset()
 
 
@@ -505,10 +505,12 @@ def test_many_steps_end_when_another_button_is_pressed(
     client.set("Steps", 100_000)
     client.press("Step")
     wait_for(lambda: ui.do_all() or simulator.calls, "the first steps")
+    ui.new.clear()
     client.press(button)
-    wait_for(lambda: ui.do_all() or ui._waiting.qsize(), "the button")
+    wait_for(ui.new.is_set, "the button")
+    ui.do_all()
     simulator.gate.set()
-    wait_for(lambda: not ui.is_busy, "the end")
+    wait_for(lambda: not ui.calls.is_busy, "the end")
     *steps, last = simulator.calls
     assert last == call
     assert sum(steps) < 1000
@@ -522,7 +524,7 @@ def test_as_many_steps_are_done_as_were_wanted(stepped, client, ui):
     panel.follow()
     assert panel._pause.label == "Pause", "while steps are done"
     simulator.gate.set()
-    wait_for(lambda: not ui.is_busy, "the end")
+    wait_for(lambda: not ui.calls.is_busy, "the end")
     assert sum(simulator.calls) == 1234
     panel._looked = 0.0
     panel.follow()
@@ -561,7 +563,8 @@ def test_a_step_that_fails_is_the_last_one(server):
         is_paused=True, is_stand_in=True, step=[].index, status=str
     )
     waiting = []
-    ui = SimpleNamespace(on=lambda *_: None, wait_for=waiting.append)
+    calls = SimpleNamespace(do=waiting.append)
+    ui = SimpleNamespace(on=lambda *_: None, calls=calls)
     panel = SimulatorPanel(server.gui, ui, simulator, "g1", read_only=False)
     panel._steps.value = 1000
     with pytest.raises(ValueError):
@@ -631,13 +634,13 @@ def test_the_same_words_are_told_once(server, ui, client):
 
 def test_what_waits_is_done_one_after_the_other_and_errors_do_not_end_it(ui, client):
     gate, done, given_back = threading.Event(), [], []
-    ui.wait_for(lambda: gate.wait(DEADLINE) and done.append("first"))
-    ui.wait_for(lambda: fail(InvalidValueError("Nobody answers.")))
-    ui.wait_for(lambda: fail(ValueError("of ours")))
-    ui.wait_for(lambda: done.append("last") or 7, given_back.append)
-    assert ui.is_busy and done == []
+    ui.calls.do(lambda: gate.wait(DEADLINE) and done.append("first"))
+    ui.calls.do(lambda: fail(InvalidValueError("Nobody answers.")))
+    ui.calls.do(lambda: fail(ValueError("of ours")))
+    ui.calls.do(lambda: done.append("last") or 7, given_back.append)
+    assert ui.calls.is_busy and done == []
     gate.set()
-    wait_for(lambda: not ui.is_busy, "the end")
+    wait_for(lambda: not ui.calls.is_busy, "the end")
     assert done == ["first", "last"]
     assert given_back == [], "that is for the thread that draws"
     ui.do_all()
@@ -646,3 +649,36 @@ def test_what_waits_is_done_one_after_the_other_and_errors_do_not_end_it(ui, cli
         lambda: any("see the log" in str(text) for text in told(client)),
         "the word",
     )
+
+
+def test_of_one_key_the_newest_is_done_and_others_in_their_order(ui):
+    gate, done = threading.Event(), []
+    ui.calls.do(lambda: gate.wait(DEADLINE))
+    for key, number in (("a", 1), (None, 2), ("a", 3), ("a", 4), (None, 5)):
+        ui.calls.do(lambda number=number: done.append(number), key=key)
+    gate.set()
+    wait_for(lambda: not ui.calls.is_busy, "the end")
+    assert done == [2, 4, 5]
+
+
+@pytest.mark.parametrize(("is_cancelled", "results"), [(False, ["b"]), (True, [])])
+def test_pieces_end_where_there_is_something_newer(ui, is_cancelled, results):
+    begun, gate, given, lane = threading.Event(), threading.Event(), [], Lane(ui)
+
+    def pieces():
+        yield "a"
+        begun.set()
+        gate.wait(DEADLINE)
+        yield "b"
+        yield "c"
+
+    lane.go_through(pieces(), given.append, "key")
+    assert begun.wait(DEADLINE)
+    if is_cancelled:
+        lane.cancel("key")
+    else:
+        lane.go_through(iter(()), given.append, "key")
+    gate.set()
+    wait_for(lambda: not lane.is_busy, "the end")
+    ui.do_all()
+    assert given == results

@@ -114,8 +114,8 @@ def drag(panel, role, by):
 
 def search(panel):
     """Let the panel search to the end."""
-    while panel._found is not None:
-        panel.ui.do_all()
+    wait_for(lambda: not panel._lane.is_busy, "the search")
+    panel.ui.do_all()
 
 
 def test_gizmos_are_on_their_links_while_they_are_shown(g1, panel, robot, clock):
@@ -206,11 +206,7 @@ def test_collisions_are_avoided_where_that_is_switched_on(g1, panel, robot):
 
 def test_what_is_too_far_is_told(g1, panel, robot):
     feet = places(g1, robot)[RIGHT].copy()
-    seen = []
-    panel.ui.post("another", lambda: seen.append(robot.state().positions))
     drag(panel, "left_hand", [2.0, 0.0, 0.0])
-    is_on_its_way = np.abs(seen[0] - robot.state().positions).max() > 0.01
-    assert is_on_its_way, "others wait for a part of the search only"
     assert panel._told.visible
     assert "left_hand is" in panel._told.content.replace("\\", "")
     np.testing.assert_allclose(places(g1, robot)[RIGHT], feet, rtol=0, atol=1e-3)

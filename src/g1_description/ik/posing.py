@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
 from typing import Tuple
 
@@ -40,6 +41,9 @@ IMU = "imu"
 
 MAX_UNDO = 100
 """Number of changes that can be undone."""
+
+STEPS = 3
+"""Steps of a search between two of its results."""
 
 LAG = 0.5
 """Longest time from a command to the state that has it, in [s]."""
@@ -94,8 +98,6 @@ class Posing:
         self._begin: Placed | None = None
         """Where the robot was when the present drag began."""
         self._now: Placed | None = None
-        self._search: Iterator[IkResult] = iter(())
-        """What is left of the search of the last drag."""
         self._floor = 0.0
         """Height below which no link gets in this drag: that of the map, or lower where
         the robot is lower."""
@@ -173,11 +175,7 @@ class Posing:
     # --- dragging ---
 
     def drag(
-        self,
-        name: str,
-        target: np.ndarray,
-        point: np.ndarray | None = None,
-        most: int | None = None,
+        self, name: str, target: np.ndarray, point: np.ndarray | None = None
     ) -> IkResult:
         """Move the robot so that a link follows; begins a drag if none is going on.
 
@@ -186,10 +184,22 @@ class Posing:
             target: Pose in the map, shape (7,), or only a position, shape (3,).
             point: The point of the link that follows, in its frame, shape (3,); None:
                 its origin.
-            most: Most steps of the search, and of each ``go_on``; None: all.
 
         Raises:
             InvalidValueError: If the state of the robot is unknown.
+        """
+        found = deque(self.search(name, target, point), maxlen=1).pop()
+        self.follow(found)
+        return found
+
+    def search(
+        self, name: str, target: np.ndarray, point: np.ndarray | None = None
+    ) -> Iterator[IkResult]:
+        """Search where ``drag`` moves the robot; the arguments and errors are the same.
+
+        Returns:
+            The best configuration after each few steps, for ``follow``. They may be
+            computed in another thread.
         """
         if self._begin is None or self._now is None:
             self._begin = self._now = self.place()
@@ -207,21 +217,15 @@ class Posing:
             points={} if point is None else {name: point},
         )
         inverse = (self._apart if options.collisions else None) or self.inverse
-        self._search = inverse.pieces(
-            {name: target}, *self._begin, options, 1, self._now, most
+        return inverse.pieces(
+            {name: target}, *self._begin, options, 1, self._now, STEPS
         )
-        found = self.go_on()
-        assert found is not None
-        return found
 
-    def go_on(self) -> IkResult | None:
-        """Search on for the last drag, also after its end; None: that is done."""
-        found = next(self._search, None)
-        if found is not None:
-            placed = found.positions, found.base
-            self._now = None if self._begin is None else placed
-            self._command(placed)
-        return found
+    def follow(self, found: IkResult) -> None:
+        """Move to a configuration of a search, also after the end of its drag."""
+        placed = found.positions, found.base
+        self._now = None if self._begin is None else placed
+        self._command(placed)
 
     def end_drag(self) -> None:
         """End a drag; the next one begins where the robot is then."""
@@ -230,7 +234,6 @@ class Posing:
     def _go(self, placed: Placed) -> None:
         """Move to a configuration instead of what is searched."""
         self.end_drag()
-        self._search = iter(())
         self._command(placed)
 
     def _command(self, placed: Placed) -> None:

@@ -271,7 +271,7 @@ class BasePanel:
         for field in (*self._fields, self._anchor):
             self._guard.know(field)
         ui.on(self._gizmo_on, self._show_gizmo)
-        ui.on(self._anchor, lambda: ui.wait_for(self._set_anchor))
+        ui.on(self._anchor, lambda: ui.calls.do(self._set_anchor))
         ui.on(self._place, self._typed)
         ui.on(self._rpy, self._typed)
         ui.on(self._gizmo, self._dragged)
@@ -410,7 +410,7 @@ class PosePanel:
                 f"Seconds must be from 0 to {MAX_SECONDS:g} (got {seconds:g})."
             )
         self._joints.let_go()
-        self._ui.wait_for(lambda: self._world.move(self._robot, goal, seconds))
+        self._ui.calls.do(lambda: self._world.move(self._robot, goal, seconds))
 
     def _save(self) -> None:
         """Save the current pose under the name in the field."""

@@ -18,7 +18,7 @@ from g1_description.web.findings_panel import FindingList, plain
 from g1_description.web.motion_panel import MotionPanel
 from g1_description.web.robot import ShownRobot, ShownWorld
 from g1_description.web.saved_motions import check_file_name, folder, save_motion
-from g1_description.web.ui_loop import Newest, UiLoop
+from g1_description.web.ui_loop import Lane, UiLoop
 
 if TYPE_CHECKING:
     from viser import GuiApi, GuiMarkdownHandle
@@ -97,7 +97,7 @@ class HistoryPanel:
         self._ui, self._world, self._checks = ui, world, checks
         self._motion, self._told = motion, told
         self._robots = {robot.name: robot for robot in world.robots}
-        self._newest = Newest(ui)
+        self._lane = Lane(ui)
         self.shown: Timeline | None = None
         """What is shown, with its state; None: the present."""
         self._wanted: Timeline | None = None
@@ -295,10 +295,10 @@ class HistoryPanel:
         ask: Callable[[HistoryClient, int], HistoryPart],
         is_dragged: bool = False,
     ) -> None:
-        """Request a state in the thread that waits; a newer request replaces it."""
+        """Request a state; a newer request replaces it."""
         self._wanted, wanted = line, line.wanted
 
-        def fetch() -> None:
+        def fetch() -> Callable[[], object]:
             try:
                 history = _history(line.robot)
                 part = ask(history, line.run)
@@ -307,13 +307,11 @@ class HistoryPanel:
                 run = part.stretch.run
                 around = history.part(*span, run, max_states=1, with_commands=True)
             except G1DescriptionError as error:
-                self._ui.post(self, partial(self._fail, line, str(error)))
-                return
+                return partial(self._fail, line, str(error))
             commands = around.commands
-            act = partial(self._arrived, line, wanted, part, commands, is_dragged)
-            self._ui.post(self, act)
+            return partial(self._arrived, line, wanted, part, commands, is_dragged)
 
-        self._newest.wait_for(fetch)
+        self._ui.calls.do(fetch, lambda show: show(), key=self)
 
     def _fail(self, line: Timeline, problem: str) -> None:
         """Tell why a state cannot be shown; what is shown stays."""
@@ -367,7 +365,7 @@ class HistoryPanel:
         line = self.shown
         if line is None or line.state is None:
             raise InvalidValueError("Go back to a past state first.")
-        self._ui.wait_for(
+        self._ui.calls.do(
             partial(self._place, line.robot, line.state), lambda _: self.live()
         )
 
@@ -429,7 +427,7 @@ class HistoryPanel:
             fail = self._findings.fail
             self._checks.check_motion(self, line.robot, found, show, fail)
 
-        self._ui.wait_for(motion, check)
+        self._lane.do(motion, check)
 
     def _show_verdict(
         self, line: Timeline, span: tuple[float, float], verdict: Verdict
@@ -451,7 +449,7 @@ class HistoryPanel:
             text = f"Saved {file}, {motion.duration:.2f} s. {part.note}"
             self._ui.tell(text.strip(), "green")
 
-        self._ui.wait_for(save)
+        self._lane.do(save)
 
 
 def _timed(part: HistoryPart) -> Motion:

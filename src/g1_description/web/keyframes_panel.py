@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import deque
-from functools import partial
-from itertools import islice
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,10 +31,10 @@ from g1_description.web.findings_panel import plain
 from g1_description.web.motion_panel import MotionPanel
 from g1_description.web.robot import ShownRobot
 from g1_description.web.saved_motions import folder, save_motion
-from g1_description.web.ui_loop import UiLoop
+from g1_description.web.ui_loop import Lane, UiLoop
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable
 
     from viser import GuiApi
 
@@ -46,9 +43,6 @@ NONE = "none"
 
 MAX_SECONDS = 60.0
 """Longest time between two keyframes, in [s]."""
-
-SLICE = 20
-"""Samples that are made at a time; other buttons wait for at most one slice."""
 
 ADD, REPLACE, DELETE, SHOW = "Add", "Replace", "Delete", "Show"
 
@@ -82,7 +76,7 @@ class KeyframesPanel:
         self._row = 0
         """The selected one."""
         self._made: Motion | None = None
-        self._n_changes = 0
+        self._lane = Lane(ui)
         self.saved: Callable[[], object] = lambda: None
         """Called when poses are saved."""
         self._feet = [posing.roles[foot] for foot in posing.feet]
@@ -243,32 +237,17 @@ class KeyframesPanel:
 
     def _make(self) -> None:
         """Make the motion through the keyframes, which takes a while."""
-        self._n_changes += 1
+        self._lane.cancel("motion")
         self._made = None
         self._tell("")
         if len(self.frames) > 1:
             robot, inverse = self._robot.description, self._posing.inverse
             frames, way = [*self.frames], str(self._way.value)
             pieces = keyframe_pieces(robot, inverse, self._feet, frames, way)
-            self._make_on(self._n_changes, pieces)
+            self._lane.go_through(pieces, self._open, "motion")
 
-    def _make_on(self, number: int, pieces: Iterator[KeyframeMotion | None]) -> None:
-        """Make a slice of the motion after what waits, then the next one."""
-
-        def act() -> KeyframeMotion | None:
-            if number != self._n_changes:
-                return None
-            made = deque(islice(pieces, SLICE), maxlen=1).pop()
-            if made is None:
-                self._make_on(number, pieces)
-            return made
-
-        self._ui.wait_for(act, partial(self._open, number))
-
-    def _open(self, number: int, made: KeyframeMotion | None) -> None:
-        """Open the motion, unless keyframes have changed: its time line and checks."""
-        if made is None or number != self._n_changes:
-            return
+    def _open(self, made: KeyframeMotion) -> None:
+        """Open the motion: its time line and checks."""
         asked = [frame.time for frame in self.frames]
         slow = [n for n, (a, b) in enumerate(zip(asked, made.times)) if b - a > 1e-6]
         self.frames = [f._replace(time=t) for f, t in zip(self.frames, made.times)]

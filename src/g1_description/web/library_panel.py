@@ -27,7 +27,7 @@ from g1_description.web.library import (
 )
 from g1_description.web.motion_panel import MotionPanel
 from g1_description.web.robot import ShownRobot, ShownWorld
-from g1_description.web.ui_loop import UiLoop
+from g1_description.web.ui_loop import Lane, UiLoop
 
 if TYPE_CHECKING:
     from viser import GuiApi
@@ -82,7 +82,7 @@ class LibraryPanel:
             library: The motions.
         """
         self._gui, self._ui, self._world = gui, ui, world
-        self._library = library
+        self._library, self._lane = library, Lane(ui)
         self._robot: ShownRobot = world.robots[0]
         self._listed: list[Entry] = []
         self._open: Entry | None = None
@@ -166,7 +166,8 @@ class LibraryPanel:
             choice = self._library.choice(self._open)
             self._title.content += f"  \n{plain(self._open.name)}: {choice}"
         shown = self._listed[self._first : self._first + ROWS]
-        self._ui.wait_for(partial(self._html, shown), partial(self._fill, shown))
+        html = partial(self._html, shown)
+        self._lane.do(html, partial(self._fill, shown), "rows")
 
     def _fill(self, shown: list[Entry], rows: str) -> None:
         """Show rows, if the list still has them at this place."""
@@ -224,25 +225,19 @@ class LibraryPanel:
         self._open = entry
         self._note.value = self._library.note(entry)
         self._find_open()
-        self._ui.wait_for(partial(self._read, entry), partial(self._opened, entry))
-        self._ui.wait_for(partial(self._image, entry))
+        read = partial(self._world.read, entry.path, self._robot, None)
+        self._lane.do(read, partial(self._opened, entry), "motion")
+        picture = partial(_image, entry.picture, PICTURE)
+        self._lane.do(picture, self._show_picture, "picture")
         self._draw()
 
-    def _read(self, entry: Entry) -> Motion | None:
-        """Read a motion, unless another one was chosen meanwhile."""
-        if entry is not self._open:
-            return None
-        return self._world.read(entry.path, self._robot, None)
-
-    def _image(self, entry: Entry) -> None:
+    def _show_picture(self, image: str) -> None:
         """Show the picture of the open motion."""
-        image = _image(entry.picture, PICTURE)
-        shown = image.replace("<img", '<img style="width:100%"')
-        self._ui.post("picture", lambda: setattr(self._picture, "content", shown))
+        self._picture.content = image.replace("<img", '<img style="width:100%"')
 
-    def _opened(self, entry: Entry, motion: Motion | None) -> None:
-        """Show a motion that was read."""
-        if motion is not None and entry is self._open:
+    def _opened(self, entry: Entry, motion: Motion) -> None:
+        """Show a motion that was read, unless another one was chosen meanwhile."""
+        if entry is self._open:
             self._motion.open(entry.name, self._robot, motion)
             if self._plays.value:
                 self._motion.play()
@@ -274,7 +269,7 @@ class LibraryPanel:
         if entry is None:
             raise InvalidValueError("No motion is open.")
         act = partial(self._library.choose, entry, choice, note)
-        self._ui.wait_for(act, lambda _: self._draw())
+        self._ui.calls.do(act, lambda _: self._draw())
 
 
 def _figures(entry: Entry) -> str:

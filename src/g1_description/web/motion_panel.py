@@ -19,7 +19,7 @@ from g1_description.web.check_thread import CheckThread
 from g1_description.web.controls import EditGuard
 from g1_description.web.findings_panel import FindingList, plain
 from g1_description.web.robot import Player, ShownRobot, ShownWorld
-from g1_description.web.ui_loop import Newest, UiLoop
+from g1_description.web.ui_loop import Lane, UiLoop
 
 if TYPE_CHECKING:
     from viser import GuiApi, UploadedFile
@@ -77,7 +77,7 @@ class MotionPanel:
         """Called when a motion is opened."""
         self.checked: Callable[[str, Verdict], object] = lambda name, verdict: None
         """Called with the name of an open motion and its verdict."""
-        self._scrub = Newest(ui)
+        self._files = Lane(ui)
         self._guard = EditGuard(HELD)
         self._looked = 0.0
         self._again = math.inf
@@ -128,7 +128,7 @@ class MotionPanel:
         """Open a file that came from a browser; called by a thread of viser."""
         robot, name = self._chosen, PureWindowsPath(file.name).name or "file"
         read = partial(self._read, name, file.content, robot)
-        self._ui.wait_for(read, partial(self.open, name, robot))
+        self._files.do(read, partial(self.open, name, robot))
 
     def _read(self, name: str, content: bytes, robot: ShownRobot) -> Motion:
         """Read a motion; errors have the person's name of the file."""
@@ -223,7 +223,7 @@ class MotionPanel:
         player = self._player
         begin = player.begin if begin >= player.end else begin
         speed, self._again = self._factor, math.inf
-        self._ui.wait_for(lambda: player.play(begin, speed))
+        self._ui.calls.do(lambda: player.play(begin, speed))
 
     @property
     def _player(self) -> Player:
@@ -235,7 +235,7 @@ class MotionPanel:
         """Play, or pause."""
         player = self._player
         if self._play.label == "Pause":  # the label when it was pressed
-            self._ui.wait_for(player.pause)
+            self._ui.calls.do(player.pause)
         else:
             self._start(player.time)
 
@@ -272,7 +272,7 @@ class MotionPanel:
         if to != self._line.value:
             self._line.value = to
         self._guard.hold(self._line)
-        self._scrub.wait_for(partial(player.show, to))
+        self._ui.calls.do(partial(player.show, to), key=self)
 
     def follow(self) -> None:
         """Update the time line, and repeat the motion if selected."""
@@ -285,7 +285,7 @@ class MotionPanel:
             player.rest()
             is_running = False
             self._again = now + REST if self._loop.value else math.inf
-        if now > self._again and self._loop.value and not self._ui.is_busy:
+        if now > self._again and self._loop.value and not self._ui.calls.is_busy:
             self._start(player.begin)
         label = "Pause" if is_running else "Play"
         if self._play.label != label:

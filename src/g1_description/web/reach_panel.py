@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from g1_description.bounds import MAX_VALUE
-from g1_description.errors import InvalidValueError
 from g1_description.ik.inverse_kinematics import IkResult
 from g1_description.ik.posing import Posing
 from g1_description.robot.assembly import WORLD
@@ -26,10 +25,10 @@ from g1_description.web.robot import ShownRobot
 from g1_description.web.scene.robot import SEE_THROUGH, SceneRobot, rgb
 from g1_description.web.scene.stage import MAP, Stage
 from g1_description.web.scene.tree import pose_of, wxyz
-from g1_description.web.ui_loop import UiLoop
+from g1_description.web.ui_loop import Lane, UiLoop
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     from viser import MeshHandle, TransformControlsHandle, ViserServer
 
@@ -44,9 +43,6 @@ TARGET = (0.95, 0.6, 0.1, SEE_THROUGH)
 LONGEST = 60.0
 """Time without a move after which a gizmo is no longer held, in [s]: browsers that
 vanish do not let it go."""
-
-STEPS = 3
-"""Most steps of a search at a time; the page is drawn in between."""
 
 UNDO, REDO, MIRROR, RESET = "Undo", "Redo", "Mirror", "Reset"
 
@@ -85,10 +81,7 @@ class ReachPanel:
         """Role of the gizmo that is held with the mouse."""
         self._grabbed: tuple[str, np.ndarray] | None = None
         """A link that is dragged with the mouse, and where in its frame."""
-        self._pulled = ""
-        """Role or name of the link that was dragged last."""
-        self._found: IkResult | None = None
-        """The best that its search has found, while that goes on."""
+        self._lane = Lane(ui)
         self._ghosts: dict[str, list[MeshHandle]] = {}
         self._looked = 0.0
         self._add(server)
@@ -168,7 +161,7 @@ class ReachPanel:
         """Prepare self-collisions on first use."""
         self._choose()
         if self._avoid.value and not self.posing.is_prepared:
-            self._ui.wait_for(self._make_collisions, self.posing.prepare)
+            self._lane.do(self._make_collisions, self.posing.prepare)
 
     def _command(self, positions: dict[str, float], base: np.ndarray) -> None:
         """Command a configuration."""
@@ -195,31 +188,17 @@ class ReachPanel:
         self._move(role, pose, self.posing.centers[role])
 
     def _move(self, link: str, target: np.ndarray, point: np.ndarray) -> None:
-        """Move the robot."""
-        self._pulled, self._found = link, None
-        try:
-            self._found = self.posing.drag(link, target, point, STEPS)
-        except InvalidValueError as error:
-            self._show_ghost(link, False)
-            self._tell(str(error))
-            return
-        self._go_on_soon()
+        """Search a configuration, through which the robot moves."""
+        pieces = self.posing.search(link, target, point)
+        self._lane.go_through(_marked(pieces), partial(self._found, link), "search")
 
-    def _go_on_soon(self) -> None:
-        """Search on after the next picture."""
-        self._ui.post(("search", id(self)), self._go_on)
-
-    def _go_on(self) -> None:
-        """Search on; show at the end what is not reached."""
-        found = self._found
-        if found is None:
-            return
-        self._found = self.posing.go_on()
-        if self._found is not None:
-            self._go_on_soon()
-            return
-        self._tell(found.message)
-        self._show_ghost(self._pulled, not found.reached)
+    def _found(self, link: str, found: tuple[IkResult, bool]) -> None:
+        """Move the robot; show at the end what is not reached."""
+        result, is_last = found
+        self.posing.follow(result)
+        if is_last:
+            self._tell(result.message)
+            self._show_ghost(link, not result.reached)
 
     def _begin_or_end(self, role: str, event: Any) -> None:
         """Hear of the mouse that takes a gizmo or lets it go, in a thread of viser."""
@@ -294,6 +273,7 @@ class ReachPanel:
         Raises:
             G1DescriptionError: If that is not possible.
         """
+        self._lane.cancel("search")
         if what == RESET:
             self.posing.reset(str(self._pose.value))
         else:
@@ -303,7 +283,6 @@ class ReachPanel:
                 MIRROR: self.posing.mirror,
             }[what]()
         self._dragged_at = dict.fromkeys(self._gizmos, -math.inf)
-        self._found = None
         self._tell("")
 
     def _tell(self, text: str) -> None:
@@ -330,6 +309,13 @@ class ReachPanel:
             self._show_ghost(role, False)
             gizmo.position = pose[:3]
             gizmo.wxyz = np.array(wxyz(pose))
+
+
+def _marked(pieces: Iterator[IkResult]) -> Iterator[tuple[IkResult, bool]]:
+    """Mark the last result of a search."""
+    for found in pieces:
+        yield found, False
+    yield found, True
 
 
 def _label(role: str) -> str:

@@ -77,20 +77,20 @@ class SimulatorPanel:
         self._own = self._steps, step, self._speed, self._hangs, self._rope
         self._ui = ui
         ui.on(self._pause, self._toggle)
-        ui.on(step, lambda: ui.wait_for(self._step))
+        ui.on(step, lambda: ui.calls.do(self._step))
         ui.on(
             self._speed,
-            lambda: ui.wait_for(lambda: simulator.set_speed(SPEEDS[self._speed.value])),
+            lambda: ui.calls.do(lambda: simulator.set_speed(SPEEDS[self._speed.value])),
         )
         for field in (self._hangs, self._rope):
-            ui.on(field, lambda: ui.wait_for(self._hang))
-        ui.on(reset, lambda: ui.wait_for(lambda: self._end_steps(simulator.reset)))
+            ui.on(field, lambda: ui.calls.do(self._hang))
+        ui.on(reset, lambda: ui.calls.do(lambda: self._end_steps(simulator.reset)))
 
     def _toggle(self) -> None:
         """Pause, or go on: what the button said when it was pressed."""
         is_pause = self._pause is not None and self._pause.label == "Pause"
         act = self._simulator.pause if is_pause else self._simulator.go_on
-        self._ui.wait_for(lambda: self._end_steps(act))
+        self._ui.calls.do(lambda: self._end_steps(act))
 
     def _hang(self) -> None:
         """Hang the robot on its rope, or let it go."""
@@ -124,7 +124,7 @@ class SimulatorPanel:
             self._left = 0
             raise
         self._left -= steps
-        self._ui.wait_for(self._step_on)
+        self._ui.calls.do(self._step_on)
 
     def follow(self) -> None:
         """Show what the simulator says."""

@@ -1,8 +1,8 @@
-"""The threads of a page: one draws, another one makes blocking calls.
+"""The threads of a page, none of which waits for another: drawing, calls, computing.
 
 User actions arrive in threads of viser, and are run by the drawing thread; of several
-values of a slider, only the newest is used. Blocking calls, of services or for files,
-are made by the other thread, one after another.
+values of a slider, only the newest is used. Services are called by the lane of calls,
+one after another. Panels that compute, or read files, have lanes of their own.
 """
 
 from __future__ import annotations
@@ -11,9 +11,10 @@ import logging
 import queue
 import threading
 import time
-from collections.abc import Hashable
+from collections.abc import Hashable, Iterator
+from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, Callable, Tuple
+from typing import TYPE_CHECKING, Any, Callable
 
 from g1_description.errors import G1DescriptionError
 
@@ -29,8 +30,96 @@ SHOWN = 8.0
 AGAIN = 3.0
 """Least time between two messages of the same words, in [s]."""
 
-Work = Tuple[Callable[[], object], Callable[[Any], object]]
-"""What is to be done, and what its result is given to."""
+
+@dataclass(eq=False)
+class Work:
+    """Something that takes long."""
+
+    pieces: Iterator[Any]
+    then: Callable[[Any], object]
+    """Gets the results, in the thread that draws."""
+
+    key: Hashable
+    is_off: bool = False
+    """Whether the rest is not needed."""
+
+
+class Lane:
+    """A thread that does what takes long; of one key, only the newest."""
+
+    def __init__(self, ui: UiLoop) -> None:
+        """Start the thread.
+
+        Args:
+            ui: Receives the results and the errors.
+        """
+        self._ui = ui
+        self._newest: dict[Hashable, Work] = {}
+        self._waiting: queue.Queue[Work] = queue.Queue()
+        threading.Thread(target=self._work, daemon=True).start()
+
+    def do(
+        self,
+        act: Callable[[], Any],
+        then: Callable[[Any], object] = lambda _: None,
+        key: Hashable = None,
+    ) -> None:
+        """Do something after what waits.
+
+        Args:
+            act: Returns a result.
+            then: Called with the result by the thread that draws.
+            key: Replaces what waits with the same key; None: nothing.
+        """
+        self.go_through(((act(),) for _ in "1"), lambda found: then(*found), key)
+
+    def go_through(
+        self,
+        pieces: Iterator[Any],
+        then: Callable[[Any], object],
+        key: Hashable = None,
+    ) -> None:
+        """Do something in pieces, until there is something newer with its key.
+
+        Args:
+            pieces: Yields results; None: there is none yet.
+            then: As for ``do``; of several results it may get the last one only.
+            key: As for ``do``.
+        """
+        work = Work(pieces, then, object() if key is None else (id(self), key))
+        if key is not None:
+            before, self._newest[key] = self._newest.get(key), work
+            if before is not None:
+                before.is_off = True
+        self._waiting.put(work)
+
+    def cancel(self, key: Hashable) -> None:
+        """Drop what has a key, and its results."""
+        work = self._newest.pop(key, None)
+        if work is not None:
+            work.is_off, work.then = True, lambda _: None
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether something is done, or waits."""
+        return bool(self._waiting.unfinished_tasks)
+
+    def _work(self) -> None:
+        """Do one after the other."""
+        while True:
+            work = self._waiting.get()
+            self._ui.guarded(partial(self._go, work))
+            self._waiting.task_done()
+            self._ui.new.set()
+
+    def _go(self, work: Work) -> None:
+        if work.is_off:
+            return
+        for found in work.pieces:
+            if found is not None:
+                self._ui.post(work.key, lambda found=found: work.then(found))
+            if work.is_off:
+                return
 
 
 class UiLoop:
@@ -48,8 +137,8 @@ class UiLoop:
         self._lock = threading.Lock()
         self._done: dict[Hashable, Callable[[], object]] = {}
         self._told: dict[str, float] = {}
-        self._waiting: queue.Queue[Work] = queue.Queue()
-        threading.Thread(target=self._work, daemon=True).start()
+        self.calls = Lane(self)
+        """Calls services."""
 
     def on(self, handle: Any, act: Callable[[], object]) -> None:
         """Let something be done when a person uses an element of the page.
@@ -92,34 +181,6 @@ class UiLoop:
         for act in done.values():
             self.guarded(act)
 
-    def wait_for(
-        self, act: Callable[[], Any], then: Callable[[Any], object] = lambda _: None
-    ) -> None:
-        """Let the thread that waits do something.
-
-        Args:
-            act: What may take long.
-            then: Given its result, by the thread that draws.
-        """
-        self._waiting.put((act, then))
-
-    @property
-    def is_busy(self) -> bool:
-        """Whether something is waited for, or waits."""
-        return bool(self._waiting.unfinished_tasks)
-
-    def _work(self) -> None:
-        """Do what may take long, one after the other."""
-        while True:
-            act, then = self._waiting.get()
-            self.guarded(partial(self._hand_back, act, then))
-            self._waiting.task_done()
-            self.new.set()
-
-    def _hand_back(self, act: Callable[[], Any], then: Callable[[Any], object]) -> None:
-        result = act()
-        self.post(object(), lambda: then(result))
-
     def guarded(self, act: Callable[[], object]) -> None:
         """Do something; tell people what went wrong."""
         try:
@@ -141,38 +202,3 @@ class UiLoop:
             client.add_notification(
                 "g1_description", text, auto_close_seconds=SHOWN, color=color
             )
-
-
-class Newest:
-    """Lets the thread that waits do the newest of several things; others are dropped.
-
-    Such as to show the times of a slider that is dragged.
-    """
-
-    def __init__(self, ui: UiLoop) -> None:
-        self._ui = ui
-        self._lock = threading.Lock()
-        self._act: Callable[[], object] | None = None
-        self._is_busy = False
-
-    def wait_for(self, act: Callable[[], object]) -> None:
-        """Let it be done soon."""
-        with self._lock:
-            self._act = act
-            if self._is_busy:
-                return
-            self._is_busy = True
-        self._ui.wait_for(self._do)
-
-    def _do(self) -> None:
-        """Do the newest; what came meanwhile waits behind what others wait for."""
-        with self._lock:
-            act, self._act = self._act, None
-        try:
-            if act is not None:
-                act()
-        finally:
-            with self._lock:
-                self._is_busy = self._act is not None
-            if self._is_busy:
-                self._ui.wait_for(self._do)
