@@ -137,6 +137,7 @@ class HistoryPanel:
         live = gui.add_button("Live", hint="show the robot as it is now")
         start = gui.add_button(
             "Start here",
+            color="orange",
             hint="put the robot to the shown state, at rest; physics does not go on "
             "from there to the last bit",
         )

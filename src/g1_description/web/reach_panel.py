@@ -112,7 +112,7 @@ class ReachPanel:
                 initial_value=self.posing.standing_pose,
                 hint="of Reset, which stands the robot on the floor",
             )
-            self._reset = gui.add_button(RESET)
+            self._reset = gui.add_button(RESET, color="orange")
             self._told = gui.add_markdown("", visible=False)
         ui.on(self._on, self._show_gizmos)
         ui.on(self._avoid, self._prepare)

@@ -117,9 +117,14 @@ class Lane:
             return
         for found in work.pieces:
             if found is not None:
-                self._ui.post(work.key, lambda found=found: work.then(found))
+                self._ui.post(work.key, partial(_hand_over, work, found))
             if work.is_off:
                 return
+
+
+def _hand_over(work: Work, found: Any) -> None:
+    """Hand a result over, unless the work is cancelled by now."""
+    work.then(found)
 
 
 class UiLoop:
