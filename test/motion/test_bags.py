@@ -309,8 +309,18 @@ def test_stamps_that_are_missing_equal_or_go_back_are_dealt_with(bag):
     times, positions, notes = read(11, 12, 13, 1, 2)
     assert (times, positions) == ([0.0, 1.0, 2.0], [0.0, 1.0, 2.0])
     assert notes[1] == (
-        "Time goes back after 2.000 s: the rest is ignored, 2 of 5 samples, 1.000 s."
+        "Time goes back after 2.000 s; the last 2 of 5 samples (1.000 s) are ignored."
     )
+    usual = [1 + 0.02 * n for n in range(60)]
+    for stamps, count, words in (
+        ([*usual[:30], 9, 9.1, *usual[30:]], 60, "ignored: 2 of 62 samples"),
+        ([*usual[:20], *usual], 20, "the last 60 of 80 samples"),
+        ([9, *usual, 9], 60, "ignored: 2 of 62 samples"),
+        ([*usual[:-1], usual[-2] - 0.001], 60, "sorted by stamps: 1 of 60"),
+    ):
+        times, _, notes = read(*stamps)
+        assert len(times) == count
+        assert words in notes[1]
 
 
 def test_samples_of_two_publishers_are_joined_by_their_clocks(bag):
@@ -341,7 +351,7 @@ def test_a_base_that_ends_early_is_told(bag):
     frames = [("/tf", TFMessage([edge(s, s)]), 5 + n) for n, s in enumerate(stamps)]
     found = read_motion(bag(*messages, *frames), G1)
     assert found.base_poses[:, 0].tolist() == [5.0, 6.0, *[7.0] * 7]
-    assert "the rest is ignored, 2 of 5 base poses" in found.notes[1]
+    assert "the last 2 of 5 base poses" in found.notes[1]
 
 
 @pytest.mark.parametrize("options", [{}, {"chunk_threshold": 500}])

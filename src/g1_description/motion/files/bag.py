@@ -47,10 +47,13 @@ USUAL = ("joint_states", "motion", "joint_trajectory", "joint_commands")
 """Usual names of topics with joints, by preference."""
 
 MAX_LATE = 1_000_000_000
-"""Largest time by which stamps fall without a restart of time, in [ns]."""
+"""Distance from the stamps around it at which a stamp is wrong, in [ns]."""
 
 MANY = 10
 """Samples in a row that are behind where time restarts."""
+
+FEW = 3
+"""Samples in a row that may have wrong stamps."""
 
 LATE = 100_000_000
 """Time without a base that is reported, in [ns]: the bridge publishes it every 0.05
@@ -231,7 +234,8 @@ def _publishers(joints: Collection[Connection], rows: Sequence[_Row]) -> list[st
     """Report several publishers of the same joints."""
     orders = {tuple(names) for _, _, names, *_ in rows}
     senders = {getattr(connection.ext, "callerid", None) for connection in joints}
-    several = max(len(senders), len(orders)) if _overlap(orders) else 1
+    is_shared = len(orders) == 1 or _overlap(orders)
+    several = max(len(senders), len(orders)) if is_shared else 1
     if several == 1:
         return []
     known = listed(filter(None, sorted(map(str, senders - {None}))))
@@ -242,9 +246,9 @@ def _publishers(joints: Collection[Connection], rows: Sequence[_Row]) -> list[st
 
 
 def _overlap(orders: Collection[tuple[str, ...]]) -> bool:
-    """Return whether any joint is in several lists of names, or there is one list."""
+    """Return whether any joint is in several lists of names."""
     every = [name for names in orders for name in names]
-    return len(orders) == 1 or len({*every}) < len(every)
+    return len({*every}) < len(every)
 
 
 def _chosen(bag: Reader, topics: Collection[str], name: str | None) -> str:
@@ -298,23 +302,21 @@ def _joined(
     if not has_stamps:
         stamps = times
         notes.append("Some messages have no stamps: the times of recording are used.")
-    kept, of_order = _ordered(stamps, times, "samples")
+    kept, order_notes = _ordered(stamps, "samples")
+    notes += order_notes
     names, positions, velocities = _table(topic, [rows[number] for number in kept])
     stamps = stamps[kept]
     source, path = find_base(has_stamps)
     poses = None
     if path:
-        own, bases, of_base = _ordered_path(path)
-        # Where both end at a reset, it is said once.
-        notes += of_order or of_base
+        own, bases, base_notes = _ordered_path(path)
+        notes += base_notes
         if own[0] > stamps[0] + LATE:
             seconds = (own[0] - stamps[0]) / 1e9
             notes.append(
                 f"There is no base pose before {seconds:.3f} s: the first one is held."
             )
         poses = _poses_at(own, bases, stamps)
-    else:
-        notes += of_order
     is_last = np.append(np.diff(stamps) > 0, True)
     trajectory = Motion(
         (stamps[is_last] - stamps[0]) / 1e9,
@@ -368,68 +370,61 @@ def _filled(positions: np.ndarray) -> np.ndarray:
     return positions
 
 
-def _ordered(
-    stamps: np.ndarray, times: np.ndarray, what: str
-) -> tuple[np.ndarray, list[str]]:
+def _ordered(stamps: np.ndarray, what: str) -> tuple[np.ndarray, list[str]]:
     """Put samples in the order of their stamps, until time restarts.
 
     Stamps fall where messages are late, or of several publishers. Time restarts where
-    many samples in a row are behind, by more than ``MAX_LATE`` or also when recorded.
+    one is before the ``MANY`` before it, and the ``MANY`` from it on are behind. Up to
+    ``FEW`` in a row that are far from those around them are ignored.
 
     Args:
         stamps: In [ns], shape (n,).
-        times: Those of recording.
         what: What is ordered, for messages.
 
     Returns:
         Indices of the samples in order, and messages on what is ignored.
     """
-    kept: list[int] = []
-    strays = n_late = 0
-    end = len(stamps)
-    newest = before = latest = -(2**62)
-    for row, (stamp, time) in enumerate(zip(stamps.tolist(), times.tolist())):
-        is_far = stamp < newest - MAX_LATE
-        is_behind = stamp < newest and bool((stamps[row : row + MANY] < newest).all())
-        if is_far and is_behind and stamp >= before - MAX_LATE:
-            newest = before  # the sample before has a stamp of the future
-            kept.pop()
-            strays += 1
-        elif is_behind and (is_far or time < latest):
-            end = row
+    count = len(stamps)
+    near = np.arange(count)[:, np.newaxis] + np.arange(-FEW, FEW + 1)
+    if count > 2 * FEW:  # the first and the last one do not outweigh their neighbours
+        near[0], near[-1] = near[FEW], near[-FEW - 1]
+    usual = np.median(stamps[np.clip(near, 0, count - 1)], axis=1)
+    far = MAX_LATE + FEW * np.median(np.abs(np.diff(stamps, prepend=stamps[0])))
+    kept = np.flatnonzero(np.abs(stamps - usual) <= far)
+    times = stamps[kept]
+    newest = np.maximum.accumulate(times)
+    end = len(times)
+    for row in np.flatnonzero(np.diff(times) < 0) + 1:
+        is_first = times[row] < times[max(row - MANY, 0) : row].min()
+        following, behind = times[row : row + MANY], newest[row - 1] - times[row]
+        is_long = len(following) == MANY or behind > far
+        if is_first and is_long and following.max() < newest[row - 1]:
+            end = int(row)
             break
-        elif is_far:
-            strays += 1
-            continue
-        kept.append(row)
-        n_late += stamp < newest
-        before = newest if stamp > newest else max(before, stamp)
-        newest, latest = max(newest, stamp), max(latest, time)
-    order = np.array(kept)[np.argsort(stamps[kept], kind="stable")]
+    n_late = int((times[:end] < newest[:end]).sum())
+    order = kept[:end][np.argsort(times[:end], kind="stable")]
     notes = []
     if n_late:
         clocks = ", as of publishers whose clocks differ" if n_late > MANY else ""
-        notes.append(
-            f"Late {what} are sorted by stamps: {n_late} of {len(stamps)}{clocks}."
-        )
-    if strays:
+        notes.append(f"Late {what} are sorted by stamps: {n_late} of {count}{clocks}.")
+    if len(kept) < count:
         notes.append(
             f"Stamps more than {MAX_LATE / 1e9:g} s from those around them are "
-            f"ignored: {strays} of {len(stamps)} {what}."
+            f"ignored: {count - len(kept)} of {count} {what}."
         )
-    if end < len(stamps):
-        begin, rest = stamps[order[0]], stamps[end:]
+    if end < len(times):
+        passed = (newest[end - 1] - times[:end].min()) / 1e9
         notes.append(
-            f"Time goes back after {(newest - begin) / 1e9:.3f} s: the rest is "
-            f"ignored, {len(rest)} of {len(stamps)} {what}, {np.ptp(rest) / 1e9:.3f} s."
+            f"Time goes back after {passed:.3f} s; the last {len(times) - end} of "
+            f"{count} {what} ({np.ptp(times[end:]) / 1e9:.3f} s) are ignored."
         )
     return order, notes
 
 
 def _ordered_path(path: _Poses) -> tuple[np.ndarray, np.ndarray, list[str]]:
     """Return stamps in [ns], increasing, poses, and messages on what is ignored."""
-    stamps, times = np.array([step[:2] for step in path]).T
-    order, notes = _ordered(stamps, times, "base poses")
+    stamps = np.array([step[0] for step in path])
+    order, notes = _ordered(stamps, "base poses")
     order = order[np.append(np.diff(stamps[order]) > 0, True)]
     return stamps[order], np.array([path[number][2] for number in order]), notes
 
@@ -546,9 +541,9 @@ def _trajectory(topic: str, messages: Sequence[tuple[int, Any]]) -> Motion:
     )
     notes = [f"Motion from {topic}{more}."]
     if base and base.points:
-        own, bases, of_base = _ordered_path(_path(base))
+        own, bases, base_notes = _ordered_path(_path(base))
         poses = _poses_at(own, bases, stamps)
-        trajectory, notes = replace(trajectory, base_poses=poses), [*notes, *of_base]
+        trajectory, notes = replace(trajectory, base_poses=poses), [*notes, *base_notes]
     return replace(trajectory, notes=tuple(notes))
 
 
