@@ -8,10 +8,11 @@ import tempfile
 import traceback
 
 
-def run_script(path, *arguments, environment=None):
-    """Run a Python script as `python3 SCRIPT` does; see ``run_forked``."""
+def run_script(path, *arguments, environment=None, folder="."):
+    """Run a Python script in a folder as `python3 SCRIPT` does; see ``run_forked``."""
 
     def main():
+        os.chdir(folder)
         # In place: a default argument may be this very list.
         sys.argv[:] = [str(path), *map(str, arguments)]
         runpy.run_path(str(path), run_name="__main__")

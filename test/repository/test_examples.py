@@ -3,11 +3,10 @@
 The others run in test/rostest/test_examples.py.
 """
 
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from forked import run_script
 
 pytest.importorskip("rospy", reason="rospy is not installed")
 
@@ -27,9 +26,7 @@ ALONE = [path for path in EXAMPLES if not needs_robot(path)]
 @pytest.mark.slow
 @pytest.mark.parametrize("path", ALONE, ids=[path.stem for path in ALONE])
 def test_an_example_prints_what_the_page_shows(path, tmp_path):
-    run = subprocess.run(
-        [sys.executable, path], cwd=tmp_path, capture_output=True, text=True
-    )
+    run = run_script(path, folder=tmp_path)
     assert run.returncode == 0, run.stderr
     assert run.stdout == (path.parent / "output" / f"{path.stem}.txt").read_text()
 

@@ -1,8 +1,6 @@
 """The motions of the package: sound ones, and one with six faults."""
 
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -18,13 +16,6 @@ SOUND = ("reach", "squat", "step_in_place", "wave")
 @pytest.fixture(scope="module")
 def robot():
     return Robot()
-
-
-def test_the_tool_writes_the_same_bytes(tmp_path):
-    command = [sys.executable, ROOT / "tools" / "make_motions.py", tmp_path]
-    subprocess.run(command, check=True, capture_output=True)
-    written = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    assert written == {path.name: path.read_bytes() for path in MOTIONS.iterdir()}
 
 
 @pytest.mark.parametrize("name", SOUND)
