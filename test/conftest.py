@@ -83,13 +83,8 @@ def pytest_addoption(parser):
     parser.addoption("--engine", default="bullet", help="physics engine of the worlds")
 
 
-BOTH = ("test_contacts", "test_drives", "test_forces", "test_free_bodies")
-BOTH += ("test_gantry", "test_hulls", "test_rest")
-"""Modules whose worlds have each of the physics engines."""
-
-
 def pytest_generate_tests(metafunc):
-    if "engine" in metafunc.fixturenames and metafunc.module.__name__ in BOTH:
+    if metafunc.definition.get_closest_marker("both_engines"):
         metafunc.parametrize("engine", ("bullet", "mujoco"), indirect=True)
 
 

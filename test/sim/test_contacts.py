@@ -40,6 +40,7 @@ def spawn(world, text, pose=(0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0), name="thing"):
     return world.model(name)
 
 
+@pytest.mark.both_engines
 @pytest.mark.parametrize("shape", [CUBE, BALL, CAPSULE])
 def test_a_thing_dropped_from_a_metre_rests_within_two_millimetres(make_world, shape):
     world = make_world("limp")
@@ -74,6 +75,7 @@ def test_a_box_put_into_the_floor_comes_out_of_it_and_no_higher(
     assert model.pose[2] == pytest.approx(0.5, abs=0.001)
 
 
+@pytest.mark.both_engines
 def test_things_put_into_each_other_part_slowly(make_world):
     """Without gravity, so that they keep the speed at which they part."""
     world = make_world("limp", gravity=(0.0, 0.0, 0.0))
@@ -133,6 +135,7 @@ def assert_stands(world, count, x=0.0, z=0.0):
         assert np.abs(pose[:2] - [x, 0.0]).max() < 0.001
 
 
+@pytest.mark.both_engines
 @pytest.mark.slow
 def test_ten_boxes_stand_on_each_other_as_if_they_were_hard(make_world):
     """Whatever else is deep in the floor, or was."""
@@ -166,6 +169,7 @@ def test_a_box_that_was_taken_out_of_the_floor_is_as_hard_as_others(make_world):
     assert_stands(world, 10)
 
 
+@pytest.mark.both_engines
 @pytest.mark.parametrize(("mu", "slides"), [(0.2, True), (0.4, False), (-1.0, False)])
 def test_a_cube_slides_where_it_is_steeper_than_friction_holds(make_world, mu, slides):
     """Gravity is tilted by tan(angle) = 0.3 instead of the ground."""
@@ -180,6 +184,7 @@ SLAB = thing("<box><size>4 4 0.2</size></box>", BOUNCE.format(1.0))
 SLAB = SLAB.replace("<link", "<static>true</static><link", 1)
 
 
+@pytest.mark.both_engines
 @pytest.mark.parametrize("restitution", [0.0, 0.5, 0.9])
 def test_a_ball_bounces_as_high_as_its_restitution_says(make_world, restitution):
     """It falls 0.9 m: velocities are those before, times the coefficient.
@@ -207,6 +212,7 @@ def test_a_ball_does_not_bounce_on_ground_that_does_not(make_world):
         assert model.pose[2] < 0.102
 
 
+@pytest.mark.both_engines
 @pytest.mark.slow
 def test_the_vendors_g1_collapses_as_in_gazebo(make_world, vendors_g1):
     """At eight of nine times; at the other one it lies 0.17 m lower."""
@@ -217,6 +223,7 @@ def test_the_vendors_g1_collapses_as_in_gazebo(make_world, vendors_g1):
         assert world.model("g1").pose[2] == pytest.approx(height, rel=0.15), time
 
 
+@pytest.mark.both_engines
 @pytest.mark.slow
 def test_a_fall_and_what_follows_are_the_same_to_the_bit(make_world, vendors_g1):
     """The G1 falls onto a box, rests and is pushed; in a new world, after a reset."""

@@ -49,6 +49,7 @@ def command(position=0.0, velocity=0.0, stiffness=0.0, damping=0.0, effort=0.0):
     return PdCommand(*(np.array([number]) for number in numbers))
 
 
+@pytest.mark.both_engines
 @pytest.mark.parametrize("armature", [0.0, 0.4])
 def test_it_swings_as_a_spring_with_a_damper_and_a_rotor(make_world, armature):
     """X'' = -(k x + d x') / (I + armature), in closed form."""
@@ -67,6 +68,7 @@ def test_it_swings_as_a_spring_with_a_damper_and_a_rotor(make_world, armature):
         assert abs(world.engine.efforts(model)[0]) <= 30.0 + 1e-9
 
 
+@pytest.mark.both_engines
 def test_a_rotor_at_a_sliding_joint_resists_or_is_told(make_world, engine):
     world = make_world("hold", NOWHERE, motors=Motors({".*": PdMotor(armature=3.0)}))
     told = world.spawn_urdf("arm", ARM.format(**{**FREE, "kind": "prismatic"}), UP)
@@ -80,6 +82,7 @@ def test_a_rotor_at_a_sliding_joint_resists_or_is_told(make_world, engine):
     assert world.model("arm").velocity[0] == pytest.approx(1.0 / inertia, rel=1e-3)
 
 
+@pytest.mark.both_engines
 def test_it_sags_by_its_load_over_its_stiffness(make_world):
     world, model = arm(make_world, PdMotor(200.0, 90.0, 15.0), (0.0, 0.0, -9.8))
     world.run(4.0)
@@ -88,6 +91,7 @@ def test_it_sags_by_its_load_over_its_stiffness(make_world):
     assert world.engine.efforts(model)[0] == pytest.approx(-90.0 * sag, rel=1e-3)
 
 
+@pytest.mark.both_engines
 def test_a_look_for_contacts_leaves_the_efforts(make_world):
     world, model = arm(make_world, ServoMotor(), (0.0, 0.0, -9.8))
     world.run(0.1)
@@ -95,6 +99,7 @@ def test_a_look_for_contacts_leaves_the_efforts(make_world):
     assert world.engine.efforts(model)[0] == pytest.approx(-9.8, rel=1e-3)
 
 
+@pytest.mark.both_engines
 def test_the_lesser_limit_of_motor_and_robot_counts(make_world):
     """Half a turn per second squared at the limit; 30 N m is that of the URDF."""
     for motor, robot in ((5.0, 5.0), (200.0, 30.0)):
@@ -107,6 +112,7 @@ def test_the_lesser_limit_of_motor_and_robot_counts(make_world):
         world.delete("arm")
 
 
+@pytest.mark.both_engines
 def test_a_damper_at_its_limit_pushes_without_damping(make_world):
     world, model = arm(make_world, PdMotor())
     world.drive(model, ["elbow"], command(velocity=100.0, damping=60.0))
@@ -115,6 +121,7 @@ def test_a_damper_at_its_limit_pushes_without_damping(make_world):
     assert model.velocity[0] == pytest.approx(0.05 * 30.0 / INERTIA, rel=1e-6)
 
 
+@pytest.mark.both_engines
 def test_a_damper_too_strong_for_the_step_stops_the_joint(make_world, engine):
     """Per step v' = v / (1 + d h / I), from more than the limit; 150 of 30 N m."""
     if engine == "bullet":
@@ -131,6 +138,7 @@ def test_a_damper_too_strong_for_the_step_stops_the_joint(make_world, engine):
         assert model.velocity[0] == pytest.approx(velocity, rel=0.01)
 
 
+@pytest.mark.both_engines
 def test_the_joint_keeps_its_friction_and_damping(make_world):
     """A constant effort against both: v = (effort - friction) / damping."""
     world, model = arm(
@@ -144,6 +152,7 @@ def test_the_joint_keeps_its_friction_and_damping(make_world):
     assert model.velocity[0] == pytest.approx((5.5 - 1.5) / 2.0, rel=0.01)
 
 
+@pytest.mark.both_engines
 @pytest.mark.parametrize("physics", ["hold", "limp"])
 def test_a_controller_drives_the_joint_until_it_gets_a_target(make_world, physics):
     world, model = arm(make_world, ServoMotor(), physics=physics)
@@ -162,6 +171,7 @@ def test_a_controller_drives_the_joint_until_it_gets_a_target(make_world, physic
     assert model.velocity[0] == pytest.approx(0.0, abs=1e-6)
 
 
+@pytest.mark.both_engines
 def test_its_own_motor_takes_the_joint_back_from_a_controllers_effort(make_world):
     world, model = arm(make_world, ServoMotor())
     world.drive(model, ["elbow"], command(effort=20.0))
@@ -185,6 +195,7 @@ def command_of_two():
     return PdCommand(zero, zero, zero, zero, np.array([3.0, 7.0]))
 
 
+@pytest.mark.both_engines
 def test_a_joint_whose_limits_are_equal_stays_there(make_world):
     world = make_world("limp")
     text = ARM.format(**FREE).replace('lower="-3" upper="3"', 'lower="0" upper="0"')
@@ -208,6 +219,7 @@ def test_a_reset_gives_the_joints_back_to_their_motors(make_world):
     assert (model.position[0], model.velocity[0]) == pytest.approx((0.0, 0.0), abs=1e-9)
 
 
+@pytest.mark.both_engines
 def test_a_new_mass_leaves_the_drive_as_it_is(make_world):
     world, model = arm(make_world, ServoMotor())
     world.drive(model, ["elbow"], command(effort=1.0))
@@ -256,6 +268,7 @@ def test_the_g1s_figures_follow_from_its_rotors_and_gears(make_world):
         assert motor.effort == servos.of(name).effort
 
 
+@pytest.mark.both_engines
 def test_the_hanging_g1_comes_to_rest_on_its_pd_motors(make_world):
     """Plain torques of such gains let the wrists oscillate, without the rotors."""
     world = make_world("hold", motors="pd")
@@ -310,6 +323,7 @@ def test_a_reset_keeps_the_motors_whatever_has_become_of_their_file(make_world, 
     assert world.engine.effort_limits(world.model("arm"))[0] == 5.0
 
 
+@pytest.mark.both_engines
 def test_gains_however_large_leave_the_robot_in_one_piece(make_world, engine):
     """First a spring, then a damper: contacts saw accelerations that it took away."""
     if engine == "bullet":
@@ -327,6 +341,7 @@ def test_gains_however_large_leave_the_robot_in_one_piece(make_world, engine):
     assert world.engine.take_failure() == ""
 
 
+@pytest.mark.both_engines
 def test_a_step_that_fails_is_undone_and_told_once(make_world, engine):
     if engine == "bullet":
         pytest.skip("of MuJoCo")
@@ -346,6 +361,7 @@ def test_a_step_that_fails_is_undone_and_told_once(make_world, engine):
     assert world.engine.take_failure() == ""
 
 
+@pytest.mark.both_engines
 def test_a_reset_of_models_leaves_no_position_that_is_no_number(make_world):
     world, model = arm(make_world, ServoMotor())
     model.position[0] = np.nan

@@ -75,6 +75,7 @@ def test_a_wrench_acts_for_its_span_to_the_step(make_world, start, end, steps):
     assert len(world.forces) == (0 if over else 1)
 
 
+@pytest.mark.both_engines
 def test_of_two_wrenches_the_newest_acts_and_then_the_other_again(make_world):
     """gazebo_ros sets a link's force anew with each job, each step."""
     world = make_world("limp", gravity=NOWHERE)
@@ -86,6 +87,7 @@ def test_of_two_wrenches_the_newest_acts_and_then_the_other_again(make_world):
     np.testing.assert_allclose(at_center, [0.02, 0.01], atol=1e-12)
 
 
+@pytest.mark.both_engines
 def test_efforts_add_up_each_within_the_limit(make_world):
     """The bob's inertia about the joint is 0.01 + 1 * 0.5^2."""
     world = make_world("limp", gravity=NOWHERE)
@@ -116,6 +118,7 @@ def test_forces_end_with_their_model_and_with_a_reset(make_world):
     assert not world.model("two").twist.any()
 
 
+@pytest.mark.both_engines
 def test_a_link_without_gravity_stays_where_it_is_while_others_fall(make_world):
     world = make_world("limp")
     for name in ("floats", "falls"):
@@ -127,6 +130,7 @@ def test_a_link_without_gravity_stays_where_it_is_while_others_fall(make_world):
     assert world.model("falls").pose[2] < 4.0
 
 
+@pytest.mark.both_engines
 def test_a_world_goes_on_without_its_last_models(make_world):
     world = make_world("limp")
     world.delete("ground_plane")
@@ -179,6 +183,7 @@ def test_a_mass_that_cannot_be_loaded_changes_nothing(make_world, monkeypatch):
     assert world.model("body").twist[0] == pytest.approx(0.01)
 
 
+@pytest.mark.both_engines
 def test_damping_and_stops_of_a_joint_take_effect(make_world):
     world = make_world("limp", gravity=NOWHERE)
     world.spawn_urdf("pendulum", PENDULUM, np.array([0, 0, 0, 0, 0, 0, 1.0]))
@@ -204,6 +209,7 @@ def test_damping_and_stops_of_a_joint_take_effect(make_world):
     assert model.position[0] == 1.0
 
 
+@pytest.mark.both_engines
 @pytest.mark.parametrize(("stop", "side"), [("hiStop", 1.0), ("loStop", -1.0)])
 def test_one_stop_of_a_continuous_joint_leaves_the_other_side_free(
     make_world, stop, side
@@ -221,6 +227,7 @@ def test_one_stop_of_a_continuous_joint_leaves_the_other_side_free(
     assert world.model("pendulum").position[0] * side < -1.0
 
 
+@pytest.mark.both_engines
 def test_gravity_and_the_time_step_change_at_once(make_world):
     world = make_world("limp")
     world.spawn_urdf("body", BODY, np.array([0, 0, 50.0, 0, 0, 0, 1]))
@@ -252,6 +259,7 @@ def test_forces_that_cannot_act_any_more_are_forgotten(make_world):
     assert not len(still.forces)
 
 
+@pytest.mark.both_engines
 @pytest.mark.parametrize("damping", [0.5, 50.0, 1e9])
 def test_damping_slows_down_however_strong_it_is(make_world, damping):
     """A link of 0.26 kg m^2: at most as fast as effort and damping balance."""
@@ -267,6 +275,7 @@ def test_damping_slows_down_however_strong_it_is(make_world, damping):
     assert 0.0 <= model.velocity[0] < 2.5
 
 
+@pytest.mark.both_engines
 def test_a_joint_with_friction_holds_what_is_weaker(make_world):
     world = make_world("limp", gravity=NOWHERE)
     stiff = PENDULUM.replace("<limit", '<dynamics friction="0.5"/><limit')
@@ -280,6 +289,7 @@ def test_a_joint_with_friction_holds_what_is_weaker(make_world):
     assert model.velocity[0] == pytest.approx(0.5 * 0.1 / 0.26, rel=0.02)
 
 
+@pytest.mark.both_engines
 def test_things_move_as_fast_as_they_are_told(make_world):
     world = make_world("limp", gravity=NOWHERE)
     world.spawn_urdf("body", BODY, np.array([0, 0, 1.0, 0, 0, 0, 1]))

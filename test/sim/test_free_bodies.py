@@ -83,6 +83,7 @@ def test_the_links_stand_in_the_order_of_the_file_where_it_has_them(make_world):
     assert model.joint_names == ("turn", "grip")
 
 
+@pytest.mark.both_engines
 @pytest.mark.parametrize("physics", ["kinematic", "hold"])
 def test_a_joint_moves_only_what_it_holds(make_world, physics):
     world = make_world(physics, gravity=(0.0, 0.0, 0.0))
@@ -99,6 +100,7 @@ def test_a_joint_moves_only_what_it_holds(make_world, physics):
     np.testing.assert_allclose(turned[5:], [np.sin(0.5), np.cos(0.5)], atol=1e-3)
 
 
+@pytest.mark.both_engines
 def test_all_falls_and_what_is_fixed_does_not(make_world):
     """Free fall: half g t squared, for each tree alike."""
     world = make_world("limp")
@@ -113,6 +115,7 @@ def test_all_falls_and_what_is_fixed_does_not(make_world):
     assert link_pose(world, "held::base")[2] == 50.0
 
 
+@pytest.mark.both_engines
 def test_links_of_one_model_pass_through_each_other_and_others_do_not(make_world):
     world = make_world("limp")
     ball = link("ball", BOX)
@@ -125,6 +128,7 @@ def test_links_of_one_model_pass_through_each_other_and_others_do_not(make_world
     assert ("one::a", "one::ball") not in world.contacts()
 
 
+@pytest.mark.both_engines
 def test_of_many_models_each_touches_all_others_and_the_ground(make_world):
     """MuJoCo has 32 bits for that."""
     world = make_world("limp")
@@ -156,6 +160,7 @@ def test_a_model_is_moved_with_all_that_is_free_in_it(make_world, physics):
         assert world.link_state(name)[1].any() == moved
 
 
+@pytest.mark.both_engines
 def test_one_free_body_is_set_and_the_others_stay(make_world):
     world = make_world("limp", gravity=(0.0, 0.0, 0.0))
     world.spawn_urdf("m", TWO, HIGH)
@@ -168,6 +173,7 @@ def test_one_free_body_is_set_and_the_others_stay(make_world):
     np.testing.assert_allclose(link_pose(world, "base"), base, atol=1e-9)
 
 
+@pytest.mark.both_engines
 def test_resets_bring_free_bodies_back_and_the_same_again(make_world):
     world = make_world("limp")
     world.spawn_urdf("m", TWO, TILTED)
@@ -186,6 +192,7 @@ def test_resets_bring_free_bodies_back_and_the_same_again(make_world):
         np.testing.assert_array_equal(again, before)
 
 
+@pytest.mark.both_engines
 def test_pushes_efforts_masses_and_deletion_find_the_right_body(make_world):
     world = make_world("limp", gravity=(0.0, 0.0, 0.0))
     world.spawn_urdf("m", TWO, TILTED)
@@ -209,6 +216,7 @@ def test_pushes_efforts_masses_and_deletion_find_the_right_body(make_world):
     assert world.client.getNumBodies() == bodies - 2
 
 
+@pytest.mark.both_engines
 def test_below_the_world_the_base_is_free(make_world):
     world = make_world("limp")
     world.spawn_urdf("m", FLYING, np.array([0, 0, 20.0, 0, 0, 0, 1]))

@@ -55,6 +55,7 @@ def test_a_longer_rope_puts_it_on_its_feet_and_pulls_no_more(make_world):
     assert model.pose[2] == pytest.approx(standing, abs=1e-3)
 
 
+@pytest.mark.both_engines
 def test_without_it_falls_and_a_deleted_model_takes_its_rope_along(make_world):
     world, model = g1(make_world, "limp")
     world.gantries.hang(model, "pelvis", 0.0)

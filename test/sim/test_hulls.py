@@ -129,6 +129,7 @@ def test_the_vendors_meshes_become_few_points(name):
     )
 
 
+@pytest.mark.both_engines
 def test_a_model_tells_how_far_its_meshes_are_from_their_hulls(make_world, vendors_g1):
     bench = make_world("limp")
     bench.spawn_urdf("g1", vendors_g1, np.array([0.0, 0.0, 0.8, 0.0, 0.0, 0.0, 1.0]))
