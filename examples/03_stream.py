@@ -29,6 +29,7 @@ with Stream(rate=50) as stream:
     for time in np.arange(0.0, 4.0, 0.02):
         stream.send(*squat(0.24 * (1.0 - np.cos(np.pi * time))))
 
+states = [*states]  # others still come
 bases = [s.base_pose for s in states]
 bases = [[b.position.x, b.position.y, b.position.z, 0, 0, 0, 1] for b in bases]
 poses = robot.link_poses([s.position for s in states], bases)
