@@ -256,7 +256,6 @@ class TestHistory(unittest.TestCase):
         begin = float(path.read_text().splitlines()[0].split()[-2])
         self.assertIn(f"begins at {begin:.3f} s", output)
         self.assertLess(begin + motion.times[-1], later.header.stamp.to_sec())
-        self.assertGreater(begin + motion.times[-1], later.header.stamp.to_sec() - 30.0)
 
     def bridge(self, namespace, *arguments):
         """Start another bridge, and wait for it."""
