@@ -43,16 +43,16 @@ class Connection:
         Raises:
             NoAnswerError: If there is no master, or no such service in time.
         """
-        if wait_until(lambda: self.has(service), self._timeout, None, MASTER_PERIOD):
+        if wait_until(lambda: self._has(service), self._timeout, None, MASTER_PERIOD):
             return
-        if self.has("pause_physics"):
+        if self._has("pause_physics"):
             why = f"{self._gazebo} is not the simulator of this package"
         else:
             why = f"{self._gazebo} is not running; is the simulator launched?"
         name = f"{self._gazebo}/{service}"
         raise NoAnswerError(f"No service {name} within {self._timeout:g} s: {why}")
 
-    def has(self, service: str) -> bool:
+    def _has(self, service: str) -> bool:
         """Return whether the master knows a service.
 
         Raises:

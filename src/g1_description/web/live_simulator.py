@@ -14,6 +14,7 @@ import threading
 import time
 from typing import Any
 
+import rosgraph
 import rospy
 from gazebo_msgs.msg import ModelState
 from gazebo_msgs.srv import (
@@ -78,12 +79,20 @@ class LiveSimulator:
             try:
                 self._paused = bool(properties().pause)
                 self._physics = self._read_physics()
-                self.is_stand_in = self._connection.has("step")
+                self.is_stand_in = self._has_steps()
                 self._answered = time.monotonic()
             except (G1DescriptionError, *SERVICE_ERRORS):
                 self._paused = None
             self._measure()
             time.sleep(PERIOD)
+
+    def _has_steps(self) -> bool:
+        """Return whether the simulator offers steps; the real Gazebo does not."""
+        try:
+            rosgraph.Master(rospy.get_name()).lookupService(f"{self.name}/step")
+        except rosgraph.MasterError:
+            return False
+        return True
 
     def _read_physics(self) -> str:
         """Read the kind of physics, and the engine if it is not the usual one."""
