@@ -159,6 +159,7 @@ def test_a_fault_is_found_saved_checked_and_gone_back_to(client, states, home):
     sent = rf"{rospy.get_name()}, play_motion: .*{SECONDS:.2f} s"
     client.wait_for(lambda: told(client, sent), "who commanded it")
     # Nothing was commanded meanwhile.
+    states.clear()
     now = robot_state_from_message(states.wait(lambda m: True))
     np.testing.assert_array_equal(now.positions, after.positions)
 
