@@ -244,5 +244,6 @@ def test_a_link_turned_as_its_joint_cannot_is_told_by_how_much(kind, angle, is_t
     (joint,) = positions
     expected = {joint: pytest.approx(angle, abs=1e-6)} if is_told else {}
     for row in range(N):
-        estimator.update(names, poses[row], np.zeros((2, 6)), 0)
+        for stamp in (2 * row, 2 * row + 2):  # it is reported once it has lasted 2 s
+            estimator.update(names, poses[row], np.zeros((2, 6)), round(1e9 * stamp))
         assert estimator.problems[0].axis_residual == expected

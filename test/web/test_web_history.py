@@ -338,8 +338,14 @@ def test_a_second_browser_is_answered_while_the_first_one_lets_compute(tmp_path)
 
         def change(what, count):
             one.set("Keyframe", what)
-            one.wait_for(lambda: len(one.element("Selected")["options"]) == count, what)
 
+            def is_done():  # without keyframes, "none" is the one option
+                options = one.element("Selected")["options"]
+                return options[0] != "none" and len(options) == count
+
+            one.wait_for(is_done, what)
+
+        one.wait_until_whole()
         one.set("Seconds before", 60.0)
         for count in range(1, 7):
             change("Add", count)

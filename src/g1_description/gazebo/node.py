@@ -34,6 +34,7 @@ from g1_description.gazebo.services.base import RefusalError, Simulation, make_c
 from g1_description.gazebo.start import make_world, spawn_robot
 from g1_description.gazebo.topics import StateTopics, tracking_message
 from g1_description.msg import ModelTrajectory, MotorCommands, TrackingReport
+from g1_description.ros.gazebo_log import publish_log
 from g1_description.ros.lifecycle import quiet_when_closing, start_node
 from g1_description.ros.log import SHORT_PERIOD
 from g1_description.ros.parameters import read_parameters
@@ -306,7 +307,8 @@ def main(given=None, on_start=lambda: None) -> None:
     """
     sys.setswitchinterval(SWITCH_INTERVAL)
     serve_as_roscpp()
-    start_node("gazebo")
+    start_node("gazebo", disable_rosout=True)
+    publish_log()
     on_start()
     try:
         parameters = read_parameters(GazeboParameters, given)

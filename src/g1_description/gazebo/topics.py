@@ -36,7 +36,7 @@ then, subscribers of an earlier simulator may be at its time. roscpp takes up to
 quarter of a second to connect."""
 
 CLOCK_PERIOD = 0.01
-"""Time between two messages of /clock in a silence, in [s]."""
+"""Time between two messages of /clock in that silence, in [s]."""
 
 STALL_TIMEOUT = 0.5
 """Time without progress after which a subscriber is no longer waited for, in [s]."""
@@ -58,7 +58,7 @@ class StateTopics:
         self._clock_ns = self._sent_ns = world.time_ns
         self._sent = self._changed = time.monotonic()
         self._silent_until = math.inf
-        self._repeated = -math.inf
+        self._repeated = self._repeated_until = -math.inf
         self._is_settled = False
         self._shown: tuple[int, bytes] | None = None
         self._links, self._models = LinkStatesEncoder(), LinkStatesEncoder()
@@ -125,7 +125,7 @@ class StateTopics:
         """
         now = time.monotonic()
         if self._silent_until == math.inf:  # until now the node advertised services
-            self._silent_until = now + START_SILENCE
+            self._silent_until = self._repeated_until = now + START_SILENCE
         if self._world.time_ns < max(self._clock_ns, self._sent_ns):
             if self._latched is not None:
                 self._latched.forget()
@@ -136,7 +136,7 @@ class StateTopics:
             self._sent_ns = self._world.time_ns
             if is_heard:
                 self._silent_until = max(self._silent_until, now + RESET_SILENCE)
-        if self._repeated + CLOCK_PERIOD <= now < self._silent_until:
+        if self._repeated + CLOCK_PERIOD <= now < self._repeated_until:
             self._repeated = now
             self._publish_clock()
         return now < self._silent_until
