@@ -14,6 +14,8 @@ from g1_description.ros.wire import (
     JointStateEncoder,
     LinkStatesDecoder,
     LinkStatesEncoder,
+    MotorArrays,
+    encode_motors,
 )
 
 NAMES = st.lists(st.text(max_size=12), max_size=6)
@@ -70,42 +72,76 @@ def test_what_is_written_is_read_also_when_names_change(messages):
         np.testing.assert_array_equal(read.twists, twists)
 
 
-def stamped_bytes(names, poses, twists, stamp, frame="world", n_wrenches=0):
-    """Serialise a WorldState with the generated message class."""
-    gazebo_msgs = pytest.importorskip("gazebo_msgs.msg", reason="gazebo_msgs not built")
-    from geometry_msgs.msg import Wrench
+def random_motors(models, seed):
+    """Make joints of models, of which some lack numbers."""
+    random = np.random.default_rng(seed)
+
+    def numbers(n):
+        return random.normal(size=n) if n and random.random() < 0.7 else None
+
+    return {
+        model: MotorArrays(
+            model, tuple(joints), *(numbers(len(joints)) for _ in range(3))
+        )
+        for model, joints in models.items()
+    }
+
+
+def stamped_bytes(names, poses, twists, stamp, frame="world", motors=None):
+    """Serialise a SimulatorState with the generated message class."""
+    from g1_description.msg import MotorStates, SimulatorState
+    from std_msgs.msg import Header
 
     from g1_description.ros import conversions
 
-    message = gazebo_msgs.WorldState(
+    message = SimulatorState(
         name=names,
         pose=[conversions.pose_from_array(pose) for pose in poses],
         twist=[conversions.twist_from_array(twist) for twist in twists],
-        wrench=[Wrench()] * n_wrenches,
     )
     message.header.stamp = conversions.stamp_from_ns(stamp)
     message.header.frame_id = frame
+    for one in (motors or {}).values():
+        numbers = [[] if part is None else part.tolist() for part in one[2:]]
+        message.motors.append(MotorStates(Header(), one.model, one.names, *numbers))
+        message.motors[-1].header.stamp = message.header.stamp
     buffer = io.BytesIO()
     message.serialize(buffer)
     return buffer.getvalue()
 
 
-@given(NAMES, SEEDS, st.integers(0, 2**32 * 10**9 - 1), st.text(max_size=9))
-def test_a_world_state_is_read_with_its_stamp(names, seed, stamp, frame):
+def same(one, other):
+    """Whether the numbers of two models are equal."""
+    parts = zip(one, other)
+    return all(np.array_equal(a, b) and type(a) is type(b) for a, b in parts)
+
+
+STAMPS = st.integers(0, 2**32 * 10**9 - 1)
+MODELS = st.dictionaries(st.text(max_size=5), NAMES, max_size=3)
+
+
+@given(NAMES, SEEDS, STAMPS, st.text(max_size=9), st.lists(MODELS, min_size=1))
+def test_a_simulator_state_is_read_with_its_stamp(names, seed, stamp, frame, models):
     states = random_message(names, seed)
     decoder = LinkStatesDecoder()
-    for n_wrenches in (0, len(names)):
-        data = stamped_bytes(*states, stamp, frame, n_wrenches)
-        found, read = decoder.decode_stamped(data)
+    for number, one in enumerate(models):
+        motors = random_motors(one, seed + number)
+        data = stamped_bytes(*states, stamp, frame, motors)
+        found, read, read_motors = decoder.decode_stamped(data)
         assert found == stamp
         assert list(read.names) == names
         np.testing.assert_array_equal(read.poses, states[1])
         np.testing.assert_array_equal(read.twists, states[2])
+        assert read_motors.keys() == motors.keys()
+        assert all(same(read_motors[model], motors[model]) for model in motors)
+        written = b"".join(encode_motors(stamp, part) for part in motors.values())
+        assert data.endswith(written)
 
 
-@given(NAMES, SEEDS, st.data())
-def test_a_world_state_cut_short_raises(names, seed, data):
-    whole = stamped_bytes(*random_message(names, seed), 5)
+@given(NAMES, SEEDS, MODELS, st.data())
+def test_a_simulator_state_cut_short_raises(names, seed, models, data):
+    motors = random_motors(models, seed)
+    whole = stamped_bytes(*random_message(names, seed), 5, motors=motors)
     cut = data.draw(st.integers(0, len(whole) - 1))
     with pytest.raises(WireFormatError):
         LinkStatesDecoder().decode_stamped(whole[:cut])

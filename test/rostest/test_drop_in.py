@@ -63,13 +63,13 @@ EMPTY_WORLD = """<launch>
   </group>
   <node name="gazebo" pkg="g1_description" type="gazebo_stand_in.py">
     <remap from="/clock" to="/stepped_clock"/>
-    <remap from="~world_state" to="/no_world_state"/>
+    <remap from="~simulator_state" to="/no_simulator_state"/>
     <param name="link_states_rate" value="0"/>
   </node>
   <node name="gazebo_clock" pkg="gazebo_ros" type="gazebo_clock.py"/>
 </launch>"""
 """gazebo_ros' launch file with a node that behaves as Gazebo: its /clock is limited as
-there, link_states come with each step, and there is no world_state."""
+there, link_states come with each step, and there is no simulator_state."""
 FOREIGN = {"map", "pelvis", "body_imu"}
 """Frames of the launch file's own static_transform_publishers: one of their messages
 may be on its way when the time is reset."""

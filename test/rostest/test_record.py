@@ -13,9 +13,8 @@ import numpy as np
 import pytest
 import rosbag
 import rospy
-from g1_description.msg import RobotState
+from g1_description.msg import RobotState, SimulatorState
 from g1_description.srv import PlayMotion
-from gazebo_msgs.msg import WorldState
 from gazebo_msgs.srv import DeleteModel, SpawnModel
 from geometry_msgs.msg import Point, Pose, Quaternion
 from sensor_msgs.msg import JointState
@@ -133,8 +132,8 @@ def refusal_of(model):
 @pytest.fixture(scope="module")
 def recordings(tmp_path_factory):
     step_by(PERIOD)
-    gone = rospy.Publisher("/gone/world_state", WorldState, queue_size=1)
-    world = Listener("/gazebo/world_state", WorldState)
+    gone = rospy.Publisher("/gone/simulator_state", SimulatorState, queue_size=1)
+    world = Listener("/gazebo/simulator_state", SimulatorState)
     state = world.wait()
     world.close()
     joints = Listener("/joint_states", JointState)

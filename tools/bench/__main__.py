@@ -21,7 +21,8 @@ from pathlib import Path
 import genpy
 import numpy as np
 import tf2_py
-from gazebo_msgs.msg import LinkStates, ModelState, WorldState
+from g1_description.msg import MotorStates, SimulatorState
+from gazebo_msgs.msg import LinkStates, ModelState
 from geometry_msgs.msg import Point, Pose, Quaternion, Twist
 from rosgraph import MasterException
 from rosgraph_msgs.msg import Clock
@@ -68,7 +69,7 @@ SQUAT = {"hip_pitch": -1.0, "knee": 2.0, "ankle_pitch": -1.0}
 CODE = 1e-4  # [rad] from one recorded step to the next, of the last joint
 STAMP = struct.Struct("<II")
 HEADER = struct.Struct("<IIII5s")  # seq, seconds, nanoseconds, frame
-NO_WRENCHES = struct.pack("<I", 0)
+ONE = struct.pack("<I", 1)
 COMPARISONS = {"<": operator.lt, "<=": operator.le, ">=": operator.ge}
 CAUTION = (
     "Times of virtual machines differ by up to three between hours, and grow when the "
@@ -379,7 +380,7 @@ def bridge(bench):
     A process without rospy plays link states of the G1, computed from random smooth
     motions of all joints, to the node: /clock, then the states, on sockets without
     delay, one message per millisecond; the node's joint_states come back. The bridge
-    takes /gazebo/world_state, the original client /gazebo/link_states. A message is
+    takes /gazebo/simulator_state, the original client /gazebo/link_states. A message is
     found in joint_states by its last joint, which differs in each. Latency runs from
     just before the states are written until joint_states are read. Processor time is
     that of all threads of the node, per answered message: the original client drops
@@ -412,6 +413,8 @@ class Recording:
 
     positions: np.ndarray
     messages: list
+    motors: bytes
+    """Those of the robot, which stay the same."""
 
 
 @dataclass(frozen=True)
@@ -449,18 +452,21 @@ def record(robot, model, steps=5000):
         placed = [Pose(Point(*p[:3]), Quaternion(*p[3:])) for p in row]
         twists = [still] * len(names)
         messages.append(body_of(LinkStates(names, [ground, *placed], twists)))
-    return Recording(positions, messages)
+    motors = MotorStates(model_name=MODEL, joint_names=robot.joint_names)
+    motors.q = motors.dq = [0.0] * count
+    return Recording(positions, messages, body_of(motors))
 
 
 class Feed:
     """Plays a recording at 1 kHz, as Gazebo or as the simulator, and takes answers."""
 
-    def __init__(self, peer, messages, is_stamped):
-        """Publish; ``is_stamped`` is for nodes that take world states."""
-        self._peer, self._messages, self._is_stamped = peer, messages, is_stamped
+    def __init__(self, peer, recording, is_stamped):
+        """Publish; ``is_stamped`` is for nodes that take simulator states."""
+        self._peer, self._messages = peer, recording.messages
+        self._is_stamped, self._motors = is_stamped, ONE + recording.motors
         self._clock = peer.advertise("/clock", Clock)
         links = peer.advertise("/gazebo/link_states", LinkStates)
-        world = peer.advertise("/gazebo/world_state", WorldState)
+        world = peer.advertise("/gazebo/simulator_state", SimulatorState)
         peer.offer("/gazebo/set_model_configuration")
         self._source = world if is_stamped else links
         self._states = peer.subscribe("/joint_states", JointState, self._take)
@@ -481,7 +487,7 @@ class Feed:
             now = divmod((self.step + 1) * STEP_NS, 1_000_000_000)
             data = self._messages[self.step % len(self._messages)]
             if self._is_stamped:
-                data = HEADER.pack(self.step, *now, 5, b"world") + data + NO_WRENCHES
+                data = HEADER.pack(self.step, *now, 5, b"world") + data + self._motors
             self._clock.send(packed(STAMP.pack(*now)))
             data = packed(data)
             sent.append(time.monotonic())
@@ -496,7 +502,7 @@ class Feed:
 def feed(graph, command, recording, seconds):
     """Start a node, play to it, and end it."""
     with closing(Peer()) as peer, graph.start(command) as program:
-        player = Feed(peer, recording.messages, command == OURS)
+        player = Feed(peer, recording, command == OURS)
         peer.wait(lambda: program.check() and player.is_connected(), "the node")
         player.play(SETTLE)
         player.answers.clear()

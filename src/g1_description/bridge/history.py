@@ -1,4 +1,4 @@
-"""The history of each robot of the bridge: efforts, commands, and its services."""
+"""The history of each robot of the bridge: commands, and its services."""
 
 from __future__ import annotations
 
@@ -18,10 +18,8 @@ from g1_description.bridge.status import RobotStatus
 from g1_description.errors import G1DescriptionError, InvalidValueError
 from g1_description.motion.history import gaps_text
 from g1_description.motion.history_chunks import Stretch
-from g1_description.msg import MotorStates
 from g1_description.ros.conversions import stamp_from_ns
 from g1_description.ros.history import answer_from_stretch, commands_to_messages
-from g1_description.ros.waiting import BUFFER
 from g1_description.srv import (
     GetHistory,
     GetHistoryRequest,
@@ -34,9 +32,6 @@ from g1_description.text import listed
 
 MAX_STATES = 5000
 """Most states in an answer: 5 MB of the G1."""
-
-PAUSE = 0.05
-"""Wait before efforts are read again, in [s] of wall time."""
 
 MAX_NAMES = 3
 """Most joints that are named in a command; of more, their number is."""
@@ -171,56 +166,6 @@ class HistoryServices:
             f"Ignored {stretch.others} states with other joints than the last one."
         )
         return f"{missing} {ignored}".strip()
-
-
-class Efforts:
-    """Adds the efforts of motors to the histories, where the simulator has motors.
-
-    Subscribes: <gazebo>/motor_states (g1_description/MotorStates), unless physics is
-        kinematic
-    Reads: <gazebo>/physics
-    """
-
-    def __init__(self, gazebo: str, statuses: Sequence[RobotStatus]) -> None:
-        self._gazebo, self._topic = gazebo, f"{gazebo}/motor_states"
-        self._statuses = {one.name: one for one in statuses if one.history}
-        self._publishers: list[str] = []
-        self._subscriber: rospy.Subscriber | None = None
-
-    def look(self, publishers: Mapping[str, list[str]]) -> None:
-        """Subscribe when a simulator appears; to be called once a second.
-
-        Args:
-            publishers: The publishers of each topic.
-        """
-        found = publishers.get(self._topic, [])
-        if not self._statuses or found == self._publishers:
-            return
-        physics = rospy.get_param(f"{self._gazebo}/physics", "kinematic")
-        if self._subscriber is not None:
-            self._subscriber.unregister()
-            self._subscriber = None
-        self._publishers = found
-        if found and physics != "kinematic":
-            self._subscriber = rospy.Subscriber(
-                self._topic,
-                MotorStates,
-                self._on_states,
-                buff_size=BUFFER,
-                tcp_nodelay=True,
-            )
-
-    def _on_states(self, message: MotorStates) -> None:
-        """Add the efforts of one robot."""
-        status = self._statuses.get(message.model_name)
-        if status is None or status.state is None or not message.tau:
-            return
-        known = dict(zip(message.joint_names, message.tau))
-        efforts = [known.get(name, np.nan) for name in status.state.names]
-        stamp = message.header.stamp.to_nsec()
-        if stamp >= status.stamp:  # the newest: wait for some more
-            time.sleep(PAUSE)  # several are read at once, for half the time
-        status.history.add_efforts(stamp, np.array(efforts))
 
 
 def joints_text(names: Sequence[str]) -> str:

@@ -31,11 +31,7 @@ from g1_description.bridge.action import ACTION, FollowJointTrajectory
 from g1_description.bridge.controllers import Controller
 from g1_description.bridge.estimator import JointStateEstimator
 from g1_description.bridge.health import BridgeHealth
-from g1_description.bridge.history import (
-    Efforts,
-    HistoryServices,
-    record_joint_command,
-)
+from g1_description.bridge.history import HistoryServices, record_joint_command
 from g1_description.bridge.motion_topics import MotionTopics
 from g1_description.bridge.parameters import (
     BridgeParameters,
@@ -59,7 +55,7 @@ from g1_description.ros.master import watch_publishers
 from g1_description.ros.parameters import read_parameters
 from g1_description.ros.publisher import DirectPublisher
 from g1_description.ros.rospy_tcp import serve_as_roscpp
-from g1_description.ros.wire import LinkStatesArrays
+from g1_description.ros.wire import LinkStatesArrays, MotorArrays
 from g1_description.text import listed
 
 MASTER_PERIOD = 1.0
@@ -133,7 +129,6 @@ class BridgeNode:
             for (robot, _), bridged, own in zip(robots, self._robots, controllers)
             for controller in own
         ]
-        self._efforts = Efforts(p.gazebo, statuses)
         self._source = StateSource(p.gazebo, p.max_rate, self._on_states, self._log)
         self._source.start()
         self._stopped = threading.Event()
@@ -144,8 +139,7 @@ class BridgeNode:
         BridgeHealth(p.gazebo, self._source, statuses, self._log).start()
 
     def _look_at_publishers(self, publishers: Mapping[str, list[str]]) -> None:
-        """Find motors, and other nodes that publish joint states; log new ones."""
-        self._efforts.look(publishers)
+        """Find other nodes that publish joint states; log new ones."""
         own = rospy.get_name()
         clocks = publishers.get("/clock", ())
         for robot in self._robots:
@@ -162,7 +156,12 @@ class BridgeNode:
                     "roslaunch g1_description view.launch.",
                 )
 
-    def _on_states(self, stamp: int, states: LinkStatesArrays) -> None:
+    def _on_states(
+        self,
+        stamp: int,
+        states: LinkStatesArrays,
+        motors: Mapping[str, MotorArrays],
+    ) -> None:
         """Publish one state as joint states and, throttled, on TF."""
         rising = self._stamps.next(stamp, rospy.Time.now().to_nsec())
         if rising is None:
@@ -176,7 +175,7 @@ class BridgeNode:
             text = f"Duplicate links in a message, the first one is used: {names}."
             self._log.warn("duplicates", text)
         self._broadcast(
-            robot.publish(state, problems)
+            robot.publish(state, problems, motors.get(robot.status.name))
             for robot, state, problems in zip(
                 self._robots, found, self._estimator.problems
             )

@@ -61,7 +61,7 @@ class BridgeParameters:
 
     max_rate: float = 0.0
     """Maximum rate, in simulated time, of states from a simulator without
-    world_state, such as Gazebo; 0: no limit, in [Hz]."""
+    simulator_state, such as Gazebo; 0: no limit, in [Hz]."""
 
     world_frame: str = "world"
     """Root of the TF tree."""

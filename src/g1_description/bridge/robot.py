@@ -29,7 +29,12 @@ from g1_description.ros.conversions import stamp_from_ns, transform
 from g1_description.ros.lifecycle import quiet_when_closing
 from g1_description.ros.log import SHORT_PERIOD, ThrottledLog
 from g1_description.ros.publisher import DirectPublisher
-from g1_description.ros.wire import JointStateEncoder, Prepared, write_robot_state
+from g1_description.ros.wire import (
+    JointStateEncoder,
+    MotorArrays,
+    Prepared,
+    write_robot_state,
+)
 from g1_description.text import listed
 
 QUEUE_SIZE = 10_000
@@ -86,13 +91,17 @@ class BridgedRobot:
         return self._joint_states.name
 
     def publish(
-        self, state: RobotState, problems: LinkProblems
+        self,
+        state: RobotState,
+        problems: LinkProblems,
+        motors: MotorArrays | None = None,
     ) -> TransformStamped | None:
         """Publish a state.
 
         Args:
             state: The state.
             problems: Problems of the robot's links.
+            motors: Its motors; None if the simulator does not publish them.
 
         Returns:
             The base in the map in the previous state, if it is due on TF.
@@ -117,6 +126,8 @@ class BridgedRobot:
         if self._base is None:
             state = replace(state, base_pose=None, base_twist=None)
         if self.status.history is not None:
+            if motors is not None and motors.efforts is not None:
+                state = replace(state, efforts=motors.of(state.names, motors.efforts))
             self.status.history.add(state)
         self._robot_states.publish(
             Prepared(partial(write_robot_state, state, self._map_frame))

@@ -6,7 +6,8 @@ import contextlib
 import math
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Mapping
+from typing import Callable
 
 import rosgraph
 import rospy
@@ -14,7 +15,7 @@ import rospy
 from g1_description.errors import WireFormatError
 from g1_description.ros.log import ThrottledLog
 from g1_description.ros.master import SLAVE_API_ERRORS
-from g1_description.ros.wire import LinkStatesArrays, LinkStatesDecoder
+from g1_description.ros.wire import LinkStatesArrays, LinkStatesDecoder, MotorArrays
 
 MAX_IN_A_ROW = 100
 """Messages without stamps that may arrive at once; of more, only the newest is used."""
@@ -29,24 +30,26 @@ BACKLOG_DECAY = 0.005
 """Time constant in [s] with which the count of messages in a row decays. rospy delivers
 messages in batches a millisecond apart, so one pause does not end a backlog."""
 
+OnStates = Callable[[int, LinkStatesArrays, Mapping[str, MotorArrays]], None]
+
 
 class StateSource:
-    """Subscribes to a simulator's world_state, or to link_states where it has none.
+    """Subscribes to simulator_state, or to link_states where there is none.
 
-    Each message of world_state has a stamp and is used. A message of link_states gets
-    the newest time of /clock; of several with the same time, or sooner than
+    Each message of simulator_state has a stamp and is used. A message of link_states
+    gets the newest time of /clock; of several with the same time, or sooner than
     ``max_rate`` allows, the first is used, and the newest is kept for a later time.
     A backlog, after the bridge was suspended, is skipped, as its times are unknown.
 
-    Subscribes: <gazebo>/world_state (gazebo_msgs/WorldState), <gazebo>/link_states
-        (gazebo_msgs/LinkStates)
+    Subscribes: <gazebo>/simulator_state (g1_description/SimulatorState),
+        <gazebo>/link_states (gazebo_msgs/LinkStates)
     """
 
     def __init__(
         self,
         gazebo: str,
         max_rate: float,
-        on_states: Callable[[int, LinkStatesArrays], None],
+        on_states: OnStates,
         log: ThrottledLog,
     ) -> None:
         """Prepare; nothing is received before ``start``.
@@ -54,12 +57,12 @@ class StateSource:
         Args:
             gazebo: Namespace of the simulator.
             max_rate: States without stamps used per second of /clock; 0: all.
-            on_states: Called with the time of a state in [ns] and the state, from one
-                thread at a time.
+            on_states: Called with the time of a state in [ns], its links, and its
+                motors by model, from one thread at a time.
             log: Where to log malformed messages.
         """
         self._unstamped_topic = rospy.resolve_name(f"{gazebo}/link_states")
-        self._stamped_topic = rospy.resolve_name(f"{gazebo}/world_state")
+        self._stamped_topic = rospy.resolve_name(f"{gazebo}/simulator_state")
         self._on_states = on_states
         self._log = log
         self._decoder = LinkStatesDecoder()
@@ -124,7 +127,7 @@ class StateSource:
         return None if last is None else time.monotonic() - last
 
     def _on_stamped(self, message: rospy.AnyMsg) -> None:
-        """Use a message of world_state."""
+        """Use a message of simulator_state."""
         with self.lock:
             self._has_stamps[message._connection_header.get("callerid", "")] = True
             self._decode(message._buff, None)
@@ -134,7 +137,7 @@ class StateSource:
         node = message._connection_header.get("callerid", "")
         has_stamps = self._has_stamps.get(node)
         if has_stamps is None and self._stamped:
-            has_stamps = self._has_world_state(node)
+            has_stamps = self._publishes_stamps(node)
         if has_stamps:
             return
         with self.lock:
@@ -160,8 +163,8 @@ class StateSource:
         self.skipped += is_old
         return is_old
 
-    def _has_world_state(self, node: str) -> bool:
-        """Ask the master once whether a node publishes world_state, too."""
+    def _publishes_stamps(self, node: str) -> bool:
+        """Ask the master once whether a node publishes simulator_state, too."""
         with contextlib.suppress(*SLAVE_API_ERRORS, rosgraph.MasterException):
             publishers, _, _ = rosgraph.Master(rospy.get_name()).getSystemState()
             self._has_stamps[node] = node in dict(publishers).get(
@@ -173,9 +176,9 @@ class StateSource:
         """Decode a message and pass it on; without a stamp it contains one."""
         try:
             if stamp is None:
-                stamp, states = self._decoder.decode_stamped(data)
+                stamp, states, motors = self._decoder.decode_stamped(data)
             else:
-                states = self._decoder.decode(data)
+                states, motors = self._decoder.decode(data), {}
         except WireFormatError as error:
             self.malformed += 1
             self._log.warn(
@@ -184,7 +187,7 @@ class StateSource:
             return
         self._kept, self._stamp = None, stamp
         self._last_message = time.monotonic()
-        self._on_states(stamp, states)
+        self._on_states(stamp, states, motors)
 
     def keep_up(self) -> None:
         """Use a kept state, and subscribe to link_states if they are needed.

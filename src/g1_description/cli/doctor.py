@@ -77,7 +77,7 @@ PACKAGES = {
 }
 """Modules that the nodes import, with their names for pip."""
 
-PIPELINE = {"clock", "tf", "tf_static", "link_states", "world_state", "joint_states"}
+PIPELINE = {"clock", "tf", "tf_static", "link_states", "simulator_state", "joint_states"}
 PIPELINE |= {STATES, "set_model_configuration"}
 """Base names of the topics and services between the simulator and RViz."""
 

@@ -244,7 +244,7 @@ class SimulatorStates:
     def close(self) -> None:
         """Do nothing: a finished recorder ignores states."""
 
-    def _on_states(self, stamp: int, states: LinkStatesArrays) -> None:
+    def _on_states(self, stamp: int, states: LinkStatesArrays, _: object) -> None:
         """Record a state."""
         rising = self._stamps.next(stamp, rospy.Time.now().to_nsec())
         if rising is None:

@@ -2,7 +2,8 @@
 
 Publishes: /clock (rosgraph_msgs/Clock), ~link_states (gazebo_msgs/LinkStates),
     ~model_states (gazebo_msgs/ModelStates), ~world_state (gazebo_msgs/WorldState),
-    ~motor_states (g1_description/MotorStates):
+    ~simulator_state (g1_description/SimulatorState), ~motor_states
+    (g1_description/MotorStates):
     at each step, while there are subscribers; ~tracking (g1_description/TrackingReport)
 Subscribes: ~set_model_state (gazebo_msgs/ModelState), ~set_link_state
     (gazebo_msgs/LinkState), ~set_model_trajectory (g1_description/ModelTrajectory),

@@ -99,8 +99,8 @@ class GazeboParameters:
     """False: publish ``/clock`` only, without services and states."""
 
     link_states_rate: float = 0.0
-    """Rate of link_states, model_states and world_state in simulated time; the last
-    step of each ``~step`` is published, too; 0: every step, in [Hz]."""
+    """Rate of link_states and the other states in simulated time; the last step of
+    each ``~step`` is published, too; 0: every step, in [Hz]."""
 
     pub_clock_frequency: float = 0.0
     """The same for ``/clock``; 0: every step, in [Hz]."""

@@ -5,16 +5,22 @@ from __future__ import annotations
 import math
 import struct
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 from gazebo_msgs.msg import LinkStates, ModelStates, WorldState
 from rosgraph_msgs.msg import Clock
 
 from g1_description.gazebo.parameters import GazeboParameters
-from g1_description.msg import MotorStates, TrackingReport
+from g1_description.msg import MotorStates, SimulatorState, TrackingReport
 from g1_description.ros.conversions import stamp_from_ns
 from g1_description.ros.publisher import DirectPublisher
-from g1_description.ros.wire import LinkStatesEncoder, Prepared, ready
+from g1_description.ros.wire import (
+    LinkStatesEncoder,
+    MotorArrays,
+    Prepared,
+    encode_motors,
+    ready,
+)
 from g1_description.sim.motions import MotionTracker
 from g1_description.sim.world import World
 
@@ -60,30 +66,23 @@ class StateTopics:
         self._silent_until = math.inf
         self._repeated = self._repeated_until = -math.inf
         self._is_settled = False
-        self._shown: tuple[int, bytes] | None = None
+        self._shown: dict[Callable, tuple[int, bytes]] = {}
+        """Time in [ns] and content of the last message of each latched topic."""
         self._links, self._models = LinkStatesEncoder(), LinkStatesEncoder()
         self._clock = DirectPublisher("/clock", Clock, QUEUE_SIZE)
-        self._topics = []
-        self._latched: DirectPublisher | None = None
+        self._topics, self._latched = [], []
         if parameters.enable_ros_network:
-            self._latched = DirectPublisher(
-                "~world_state", WorldState, QUEUE_SIZE, True
-            )
-            self._topics = [
-                (
-                    DirectPublisher("~link_states", LinkStates, QUEUE_SIZE),
-                    self._link_states,
-                ),
-                (
-                    DirectPublisher("~model_states", ModelStates, QUEUE_SIZE),
-                    self._model_states,
-                ),
-                (self._latched, self._world_state),
-                (
-                    DirectPublisher("~motor_states", MotorStates, QUEUE_SIZE),
-                    self._motor_states,
-                ),
-            ]
+            for name, kind, messages, latch in (
+                ("~link_states", LinkStates, self._link_states, False),
+                ("~model_states", ModelStates, self._model_states, False),
+                ("~simulator_state", SimulatorState, self._simulator_state, True),
+                ("~world_state", WorldState, self._world_state, True),
+                ("~motor_states", MotorStates, self._motor_states, False),
+            ):
+                topic = DirectPublisher(name, kind, QUEUE_SIZE, latch)
+                self._topics.append((topic, messages))
+                if latch:
+                    self._latched.append((topic, messages))
 
     def publish(self, is_last: bool = False) -> None:
         """Publish the time, then the states of that time.
@@ -100,7 +99,7 @@ class StateTopics:
                     for message in messages():
                         topic.publish(message)
                     self._sent, self._sent_ns = time.monotonic(), self._world.time_ns
-                elif topic is self._latched:
+                else:
                     topic.forget()
         self._is_settled, self._changed = False, -math.inf
 
@@ -127,8 +126,8 @@ class StateTopics:
         if self._silent_until == math.inf:  # until now the node advertised services
             self._silent_until = self._repeated_until = now + START_SILENCE
         if self._world.time_ns < max(self._clock_ns, self._sent_ns):
-            if self._latched is not None:
-                self._latched.forget()
+            for topic, _ in self._latched:
+                topic.forget()
             is_heard = any(topic.get_num_connections() for topic, _ in self._topics)
             if is_heard and not paused and now < self._sent + RESET_SILENCE:
                 return True
@@ -149,8 +148,8 @@ class StateTopics:
     def settle(self) -> float:
         """Publish a change while time stands still, when it is due.
 
-        Only world_state and, if a rate skipped it, /clock: Gazebo's own topics are
-        silent then.
+        Only simulator_state, world_state and, if a rate skipped it, /clock: Gazebo's
+        own topics are silent then.
 
         Returns:
             Time until a change is due, in [s]; infinite if there is none.
@@ -165,10 +164,11 @@ class StateTopics:
         self._is_settled = True
         if self._world.time_ns != self._clock_ns:
             self._publish_clock()
-        if self._latched is not None:
-            shown, (message,) = self._shown, self._world_state()
-            if self._shown != shown:
-                self._latched.publish(message)
+        for topic, messages in self._latched:
+            shown = self._shown.get(messages)
+            (message,) = messages()
+            if self._shown[messages] != shown:
+                topic.publish(message)
                 self._sent, self._sent_ns = time.monotonic(), self._world.time_ns
         return math.inf
 
@@ -190,27 +190,36 @@ class StateTopics:
 
     def _world_state(self) -> Iterator[Prepared]:
         """Give stamped states of all links, without wrenches."""
+        yield self._stamped(self._world_state, struct.pack("<I", 0))
+
+    def _simulator_state(self) -> Iterator[Prepared]:
+        """Give stamped states of all links and motors."""
+        motors = [*self._encoded_motors()]
+        count = struct.pack("<I", len(motors))
+        yield self._stamped(self._simulator_state, count + b"".join(motors))
+
+    def _stamped(self, messages: Callable, rest: bytes) -> Prepared:
+        """Put a header before the links, and the rest behind them."""
         self._seq += 1
         time_ns, frame = self._world.time_ns, b"world"
         stamp = divmod(time_ns, 1_000_000_000)
         header = struct.pack("<4I", self._seq, *stamp, len(frame)) + frame
-        content = self._encoded_links() + struct.pack("<I", 0)
-        self._shown = time_ns, content
-        yield ready(header + content)
+        content = self._encoded_links() + rest
+        self._shown[messages] = time_ns, content
+        return ready(header + content)
 
-    def _motor_states(self) -> Iterator[MotorStates]:
-        """Give the states of the joints of each model that has any."""
+    def _motor_states(self) -> Iterator[Prepared]:
+        return map(ready, self._encoded_motors())
+
+    def _encoded_motors(self) -> Iterator[bytes]:
+        """Encode the states of the joints of each model that has any."""
         world = self._world
         for model in world.models.values():
             if model.joint_names:
                 efforts = world.engine.efforts(model) if world.is_dynamic else None
-                message = MotorStates(
-                    model_name=model.name, joint_names=model.joint_names
-                )
-                message.header.stamp = stamp_from_ns(world.time_ns)
-                message.q, message.dq = model.position.tolist(), model.velocity.tolist()
-                message.tau = [] if efforts is None else efforts.tolist()
-                yield message
+                joints = model.position, model.velocity, efforts
+                motors = MotorArrays(model.name, model.joint_names, *joints)
+                yield encode_motors(world.time_ns, motors)
 
     def _encoded_links(self) -> bytes:
         names = self._world.link_names

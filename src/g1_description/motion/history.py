@@ -10,7 +10,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,9 +19,6 @@ from g1_description.robot.state import RobotState
 
 MAX_BYTES = 60_000_000
 """Most memory of a history."""
-
-MAX_EARLY = 200
-"""Most efforts that wait for their states."""
 
 MAX_ARRIVALS = 10_000
 """Most wall times that are kept: of three minutes."""
@@ -110,8 +107,6 @@ class History:
         self._unpacked: deque[Chunk] = deque()
         self._bytes = self._duration = 0  # of packed chunks
         self._last = -1
-        self._early: dict[int, np.ndarray] = {}
-        """Efforts of states that are still to come, by stamp."""
         self._arrivals: deque[tuple[int, int, int]] = deque(maxlen=MAX_ARRIVALS)
         """Wall times in [ns], with run and stamp of the last state."""
         self.run = 1
@@ -127,7 +122,6 @@ class History:
                 return
             if state.stamp < self._last:
                 self.run += 1
-                self._early.clear()
             chunk = self._chunks[-1] if self._chunks else None
             if chunk is None or not chunk.has_room_for(state, self.run):
                 is_same = chunk is not None and chunk.run == self.run
@@ -139,33 +133,8 @@ class History:
                 )
                 self._chunks.append(chunk)
                 self._unpacked.append(chunk)
-            efforts = self._early.pop(state.stamp, None)
-            if efforts is not None and len(efforts) == len(state.names):
-                state = replace(state, efforts=efforts)
             chunk.add(state)
             self._last = state.stamp
-
-    def add_efforts(self, stamp: int, efforts: np.ndarray) -> None:
-        """Add the efforts of a state that was just added, or is still to come.
-
-        Args:
-            stamp: Time of the state in [ns].
-            efforts: In [N m] or [N], shape (n_joints,), like ``RobotState.efforts``.
-        """
-        with self._lock:
-            if stamp > self._last:
-                while len(self._early) >= MAX_EARLY:
-                    self._early.pop(next(iter(self._early)))
-                self._early[stamp] = efforts
-                return
-            newest = [c for c in self._unpacked if c.run == self.run]
-            for chunk in newest[:-3:-1]:
-                for row in range(len(chunk.states) - 1, -1, -1):
-                    state = chunk.states[row]
-                    if state.stamp == stamp and len(state.names) == len(efforts):
-                        chunk.states[row] = replace(state, efforts=efforts)
-                    if state.stamp <= stamp:
-                        return
 
     def add_command(self, command: Command, positions: Sequence[float] = ()) -> None:
         """Add a command at the time of the last state; ignored before the first.
@@ -179,17 +148,14 @@ class History:
                 self._chunks[-1].add_command(command, positions)
 
     def pack(self) -> None:
-        """Compress full chunks, and forget the oldest; to be called by one thread.
-
-        The newest two stay as they are: their efforts may still come.
-        """
+        """Compress full chunks, and forget the oldest; to be called by one thread."""
         with self._lock:
             newest = self.run, self._last
             if self._chunks and (
                 not self._arrivals or self._arrivals[-1][1:] != newest
             ):
                 self._arrivals.append((time.time_ns(), *newest))
-        while len(self._unpacked) > 2:
+        while len(self._unpacked) > 1:
             chunk = self._unpacked[0]
             chunk.pack()
             with self._lock:

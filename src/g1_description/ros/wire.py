@@ -1,16 +1,17 @@
-"""LinkStates on the wire: bytes to arrays and back, without message objects.
+"""States on the wire: bytes to arrays and back, without message objects.
 
 At 1 kHz the numbers are read straight out of the bytes. LinkStates and
 ModelStates are, little-endian (ROS serialisation of gazebo_msgs/LinkStates):
 uint32 n, n strings of uint32 length and bytes; uint32 n, n poses of seven
-float64; uint32 n, n twists of six float64. WorldState has a header before that
-(uint32 seq, secs, nsecs; a string) and behind it uint32 m, m wrenches of six float64.
+float64; uint32 n, n twists of six float64. SimulatorState has a header before that
+(uint32 seq, secs, nsecs; a string) and behind it uint32 m, m MotorStates.
 """
 
 from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from typing import BinaryIO, NamedTuple
 
 import numpy as np
@@ -37,6 +38,29 @@ class LinkStatesArrays(NamedTuple):
     """Twists along the world's axes, linear then angular, read-only, shape (n, 6)."""
 
 
+class MotorArrays(NamedTuple):
+    """The joints of one model; all arrays have the shape (n_joints,)."""
+
+    model: str
+    names: tuple[str, ...]
+
+    positions: np.ndarray | None
+    """In [rad] or [m]; here and below None if the message has none."""
+
+    velocities: np.ndarray | None
+    """In [rad/s] or [m/s]."""
+
+    efforts: np.ndarray | None
+    """Of their motors, in [N m] or [N]."""
+
+    def of(self, names: tuple[str, ...], numbers: np.ndarray) -> np.ndarray:
+        """Return the numbers of other joints, NaN of those that are unknown."""
+        if names == self.names:
+            return numbers
+        known = dict(zip(self.names, numbers.tolist()))
+        return np.array([known.get(name, np.nan) for name in names])
+
+
 class LinkStatesEncoder:
     """Encodes messages; names are encoded again only if they are another object."""
 
@@ -55,13 +79,40 @@ class LinkStatesEncoder:
             twists: Twists along the world's axes, shape (n, 6).
         """
         if names is not self._names:
-            encoded = [name.encode("utf-8") for name in names]
-            strings = [_COUNT.pack(len(name)) + name for name in encoded]
-            self._head = _COUNT.pack(len(names)) + b"".join(strings)
+            self._head = _written_names(names)
             self._names = names
         count = _COUNT.pack(len(names))
         numbers = (np.asarray(part, dtype=_FLOAT).tobytes() for part in (poses, twists))
         return self._head + b"".join(count + part for part in numbers)
+
+
+def encode_motors(time_ns: int, motors: MotorArrays) -> bytes:
+    """Encode one MotorStates with a time in [ns]."""
+    header = _SEQ_AND_STAMP.pack(0, *divmod(time_ns, 1_000_000_000))
+    parts = [header, _motor_head(motors.model, motors.names)]
+    for numbers in motors[2:]:
+        count = 0 if numbers is None else len(numbers)
+        parts.append(_COUNT.pack(count))
+        if count:
+            parts.append(np.asarray(numbers, dtype=_FLOAT).tobytes())
+    return b"".join(parts)
+
+
+@lru_cache(maxsize=100)
+def _motor_head(model: str, names: tuple[str, ...]) -> bytes:
+    """Encode an empty frame_id, and names."""
+    return _written("") + _written(model) + _written_names(names)
+
+
+def _written(text: str) -> bytes:
+    """Encode a string."""
+    data = text.encode("utf-8")
+    return _COUNT.pack(len(data)) + data
+
+
+def _written_names(names: Sequence[str]) -> bytes:
+    """Encode names."""
+    return _COUNT.pack(len(names)) + b"".join(map(_written, names))
 
 
 class LinkStatesDecoder:
@@ -71,6 +122,8 @@ class LinkStatesDecoder:
         self._known: dict[bool, tuple[bytes, tuple[str, ...]]] = {}
         """By whether there is a frame_id: its bytes and those of the names, and the
         names."""
+        self._motors: list[tuple[bytes, str, tuple[str, ...]]] = []
+        """Of each model: bytes from the frame_id to the names, and the names."""
 
     def decode(self, data: bytes) -> LinkStatesArrays:
         """Decode one LinkStates; its numbers are views into ``data``.
@@ -83,8 +136,13 @@ class LinkStatesDecoder:
             raise WireFormatError(f"{len(data) - offset} bytes follow the last twist.")
         return states
 
-    def decode_stamped(self, data: bytes) -> tuple[int, LinkStatesArrays]:
-        """Decode the stamp in [ns] and the links of one WorldState.
+    def decode_stamped(
+        self, data: bytes
+    ) -> tuple[int, LinkStatesArrays, dict[str, MotorArrays]]:
+        """Decode one SimulatorState; its numbers are views into ``data``.
+
+        Returns:
+            The stamp in [ns], the links, and the joints by model.
 
         Raises:
             WireFormatError: If the bytes are not one whole message.
@@ -93,10 +151,32 @@ class LinkStatesDecoder:
             raise WireFormatError(f"The message ends after {len(data)} bytes.")
         _, seconds, rest = _SEQ_AND_STAMP.unpack_from(data)
         states, offset = self._read(data, _SEQ_AND_STAMP.size, True)
-        offset = _end_of_numbers(data, offset, 6)
+        count, offset = _read_count(data, offset)
+        motors = {}
+        for number in range(count):
+            one, offset = self._read_motors(data, offset, number)
+            motors[one.model] = one
         if offset != len(data):
             raise WireFormatError(f"{len(data) - offset} bytes follow the message.")
-        return seconds * 1_000_000_000 + rest, states
+        return seconds * 1_000_000_000 + rest, states, motors
+
+    def _read_motors(
+        self, data: bytes, offset: int, number: int
+    ) -> tuple[MotorArrays, int]:
+        """Read the joints of a model; return them and where they end."""
+        start = offset + _SEQ_AND_STAMP.size
+        known = self._motors[number] if number < len(self._motors) else None
+        if known is None or not data.startswith(known[0], start):
+            model, end = _read_string(data, _read_string(data, start)[1])
+            names, end = _read_names(data, end)
+            known = data[start:end], model, names
+            self._motors[number:] = [known]
+        head, model, names = known
+        n, offset, found = len(names), start + len(head), []
+        for _ in MotorArrays._fields[2:]:
+            numbers, offset = _read_numbers(data, offset, n)
+            found.append(numbers)
+        return MotorArrays(model, names, *found), offset
 
     def _read(
         self, data: bytes, offset: int, has_frame_id: bool = False
@@ -168,6 +248,13 @@ def _end_of_numbers(data: bytes, offset: int, width: int, n: int | None = None) 
     return end
 
 
+def _read_numbers(data: bytes, offset: int, n: int) -> tuple[np.ndarray | None, int]:
+    """Read an array of ``n`` float64, None if it is empty; return it and its end."""
+    count, start = _read_count(data, offset)
+    end = _end_of_numbers(data, offset, 1, count and n)
+    return (np.frombuffer(data, _FLOAT, n, start) if count else None), end
+
+
 class Prepared:
     """A message with its own serialization, for ``DirectPublisher``."""
 
@@ -201,11 +288,9 @@ class JointStateEncoder:
         """Encode the joints of a state, which has velocities."""
         names = state.names
         if names is not self._names:
-            encoded = [name.encode("utf-8") for name in names]
-            self._count = _COUNT.pack(len(encoded))
-            strings = b"".join(_COUNT.pack(len(name)) + name for name in encoded)
+            self._count = _COUNT.pack(len(names))
             # Between stamp and names stands the empty frame_id.
-            self._head = _COUNT.pack(0) + self._count + strings + self._count
+            self._head = _written("") + _written_names(names) + self._count
             self._names = names
         self._seq += 1
         return ready(
