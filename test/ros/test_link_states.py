@@ -81,7 +81,11 @@ def random_motors(models, seed):
 
     return {
         model: MotorArrays(
-            model, tuple(joints), *(numbers(len(joints)) for _ in range(3))
+            model,
+            tuple(joints),
+            *(numbers(len(joints)) for _ in range(4)),
+            numbers(7),
+            random.random() < 0.5,
         )
         for model, joints in models.items()
     }
@@ -102,8 +106,19 @@ def stamped_bytes(names, poses, twists, stamp, frame="world", motors=None):
     message.header.stamp = conversions.stamp_from_ns(stamp)
     message.header.frame_id = frame
     for one in (motors or {}).values():
-        numbers = [[] if part is None else part.tolist() for part in one[2:]]
-        message.motors.append(MotorStates(Header(), one.model, one.names, *numbers))
+        numbers = [[] if part is None else part.tolist() for part in one[2:6]]
+        base = np.zeros(7) if one.commanded_base is None else one.commanded_base
+        message.motors.append(
+            MotorStates(
+                Header(),
+                one.model,
+                one.names,
+                *numbers,
+                one.commanded_base is not None,
+                conversions.pose_from_array(base),
+                one.is_sample,
+            )
+        )
         message.motors[-1].header.stamp = message.header.stamp
     buffer = io.BytesIO()
     message.serialize(buffer)

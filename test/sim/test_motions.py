@@ -295,3 +295,48 @@ def test_in_hold_the_motors_take_the_arm_there_and_stop_at_a_reset(make_world):
     target = model.target[model.joint_row(ELBOW)]
     assert 0.3 < target < 0.6
     assert position(model) == pytest.approx(target, abs=2e-3)
+
+
+@pytest.mark.parametrize("every", [1, 5])
+def test_each_sample_is_reached_in_one_of_the_states_that_are_shown(
+    world, model, every
+):
+    """A motion of a sample each 7 ms: its last one comes with the motion's end."""
+    world.motions.play(model, elbow(*np.linspace(0.0, 0.3, 4), gap=0.007), STEP)
+    reached = []
+    for number in range(1, 41):
+        world.step()
+        if number % every == 0:
+            if world.motions.has_reached_sample(model):
+                reached.append(number)
+            world.motions.show()
+    samples = [1, 8, 15, 22]
+    assert reached == [every * -(-sample // every) for sample in samples]
+
+
+@pytest.mark.parametrize("physics", ["kinematic", "hold"])
+def test_what_is_commanded_is_known_before_limits_until_a_reset(make_world, physics):
+    world = make_world(physics)
+    world.spawn_urdf("g1", OUR_G1, UPRIGHT)
+    model = world.model("g1")
+    row, other = model.joint_row(ELBOW), model.joint_row(KNEE)
+    assert np.isnan(model.commanded).all() and model.commanded_base is None
+    beyond = model.upper[row] + 0.5
+    world.set_joint_positions("g1", {ELBOW: beyond})
+    assert model.commanded[row] == beyond
+    assert np.isnan(np.delete(model.commanded, row)).all()
+    with pytest.raises(InvalidValueError):
+        world.set_joint_positions("g1", {ELBOW: 0.1, KNEE: np.nan})
+    assert model.commanded[row] == beyond
+    base = UPRIGHT + np.eye(7)[0]
+    motion = Motion(np.zeros(1), (KNEE,), np.array([[0.4]]), None, base[np.newaxis])
+    world.motions.play(model, motion, STEP)
+    world.step()
+    assert model.commanded[[row, other]].tolist() == [beyond, 0.4]
+    np.testing.assert_array_equal(model.commanded_base, base)
+    world.motions.stop(model)
+    assert model.commanded_base is None
+    world.put("g1", UPRIGHT, np.zeros(6))
+    np.testing.assert_array_equal(model.commanded_base, model.root_poses[0])
+    world.reset()
+    assert np.isnan(model.commanded).all() and model.commanded_base is None

@@ -20,14 +20,13 @@ from control_msgs.msg import (
 
 from g1_description.bridge.controllers import Controller
 from g1_description.bridge.history import last_positions, motion_text
-from g1_description.bridge.player import MotionPlayer, Played
+from g1_description.bridge.player import Claim, MotionPlayer, Played
 from g1_description.bridge.status import RobotStatus
 from g1_description.errors import G1DescriptionError, MotionError, UnknownNameError
 from g1_description.motion.motion import Motion
 from g1_description.motion.playlist import (
     Following,
     Outcome,
-    Playback,
     Progress,
     remaining,
 )
@@ -97,17 +96,12 @@ class ActiveGoal:
     """Whether a state arrived since it began."""
 
     def __init__(
-        self, handle: ServerGoalHandle, following: Following, playback: Playback
+        self, handle: ServerGoalHandle, following: Following, claim: Claim
     ) -> None:
         self.handle, self.following = handle, following
-        self._playback = playback
+        self.claim = claim
         self._names: Sequence[str] | None = None
         self._columns: list[int] = []
-
-    @property
-    def is_replaced(self) -> bool:
-        """Whether another command has replaced it for some joints."""
-        return len(self._playback.rows) < len(self.following.joint_names)
 
     def actual(self, state: RobotState) -> np.ndarray:
         """Return the positions and velocities of its joints, shape (2, n_joints).
@@ -261,10 +255,10 @@ class FollowJointTrajectory:
         if goal is None:
             return
         goal.is_seen = True
-        if goal.is_replaced:
+        state, stamp = self._status.state, self._status.stamp
+        if goal.claim.is_lost(stamp):
             self._preempt()
             return
-        state, stamp = self._status.state, self._status.stamp
         if state is None or stamp < goal.following.start_ns:
             return
         if stamp < goal.next_feedback and not goal.following.decides_at(stamp):
@@ -331,9 +325,11 @@ class FollowJointTrajectory:
     def _on_cancel(self, handle: ServerGoalHandle) -> None:
         """Stop the joints, if the goal is the current one and still moves them."""
         goal = self._active
-        if goal is not None and goal.handle == handle and goal.is_replaced:
+        if goal is None or goal.handle != handle:
+            return
+        if goal.claim.is_lost(self._status.stamp):
             self._preempt()
-        elif goal is not None and goal.handle == handle and self._take(goal):
+        elif self._take(goal):
             self._warn(self._player.stop(self._controller.joints))
             goal.handle.set_canceled(Result(), "The goal was cancelled.")
 
@@ -370,7 +366,7 @@ class FollowJointTrajectory:
         self._preempt()
         handle.set_accepted()
         with self._lock:
-            self._active = ActiveGoal(handle, following, played.playback)
+            self._active = ActiveGoal(handle, following, played.claim)
             resets = self._resets[n_resets:]
             is_old = any(played.start_ns > stamp for stamp in resets)
         if is_old:

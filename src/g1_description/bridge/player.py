@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from typing import NamedTuple
+from weakref import WeakSet
 
 import numpy as np
 import rosgraph
@@ -18,12 +18,13 @@ from gazebo_msgs.msg import ModelState
 from g1_description.bridge.commands import JointCommands
 from g1_description.bridge.status import RobotStatus
 from g1_description.motion.motion import Motion
-from g1_description.motion.playlist import Playback, Playlist, Setpoint
+from g1_description.motion.playlist import Playlist, Setpoint
 from g1_description.msg import ModelTrajectory
 from g1_description.robot.state import RobotState
 from g1_description.ros.conversions import model_trajectory, pose_from_array
 from g1_description.ros.master import SERVICE_ERRORS, SLAVE_API_ERRORS
 from g1_description.ros.publisher import DirectPublisher
+from g1_description.ros.wire import MotorArrays
 from g1_description.srv import SetAnchor, SetAnchorResponse, SetModelTrajectory
 
 QUEUE_SIZE = 100
@@ -32,9 +33,34 @@ QUEUE_SIZE = 100
 ASK_PERIOD = 1.0
 """Time after which a stream checks again which simulator is running, in [s]."""
 
-ANSWER_TIMEOUT = 0.4
-"""Longest wait in [s] of wall time of a state for the answer to a motion that it may
-show: shorter than our simulator, while it steps, waits for the bridge to read."""
+BASE = ""
+"""The base among the joints of a ``Claim``."""
+
+
+class Claim:
+    """The joints and the base that a motion moves, until newer commands take them."""
+
+    def __init__(self, parts: Collection[str], start_ns: int) -> None:
+        self._parts, self._start_ns = {*parts}, start_ns
+        self._lost_ns: float = math.inf
+
+    def is_lost(self, time_ns: int) -> bool:
+        """Return whether another command has any of them at a time in [ns]."""
+        return time_ns >= self._lost_ns
+
+    def is_shown(self, time_ns: int) -> bool:
+        """Return whether a state of a time in [ns] shows it."""
+        return time_ns >= self._start_ns
+
+    def give(self, parts: Collection[str], start_ns: int) -> bool:
+        """Give parts to a command from its start on; return whether none is left."""
+        if self._parts.isdisjoint(parts):
+            return False
+        is_first = start_ns <= self._start_ns
+        self._lost_ns = min(self._lost_ns, 0 if is_first else start_ns)
+        if is_first:
+            self._parts.difference_update(parts)
+        return not self._parts
 
 
 class Played(NamedTuple):
@@ -48,17 +74,17 @@ class Played(NamedTuple):
     start_ns: int = 0
     """Start of its times, in [ns]."""
 
-    playback: Playback | None = None
-    """The motion as it plays: newer commands may replace joints of it."""
+    claim: Claim | None = None
+    """What it moves: newer commands may take joints of it."""
 
 
 class MotionPlayer:
     """Plays motions of a robot.
 
-    Our simulator samples a motion itself, at the time of each step. On the real Gazebo
-    the bridge answers each published state with the sample of that time.
+    Our simulator samples a motion itself, at the time of each step, and publishes what
+    is commanded. On the real Gazebo the bridge does: see ``GazeboMotions``.
 
-    With ``keeps_commands`` the commanded joints and base are recorded, for the ghost.
+    With ``keeps_commands`` states get the commanded joints and base, for the ghost.
     """
 
     def __init__(
@@ -71,36 +97,31 @@ class MotionPlayer:
         self._status = status
         self._name = f"{gazebo}/set_model_trajectory"
         self._plays_itself, self._asked = False, -math.inf
+        self._has_motors = False
         self._service = rospy.ServiceProxy(self._name, SetModelTrajectory)
         self._anchor = rospy.ServiceProxy(f"{gazebo}/set_anchor", SetAnchor)
         self._topic = DirectPublisher(self._name, ModelTrajectory, QUEUE_SIZE)
         self._states = DirectPublisher(
             f"{gazebo}/set_model_state", ModelState, QUEUE_SIZE
         )
-        self._commands = commands
-        self._plays_here = False
+        self._joints = [joint.name for joint in status.description.movable_joints]
+        self._keeps_commands = keeps_commands
+        self._motions = GazeboMotions(self._joints, commands, keeps_commands)
         # Locked while a request is sent and recorded, so that the order is the same in
         # the simulator and here. No state waits for it.
         self._sending = threading.Lock()
-        self._lock = threading.Condition()
-        self._is_awaited = False
+        self._lock = threading.Lock()
         self._before_base: RobotState | None = None
-        self._joints = [joint.name for joint in status.description.movable_joints]
-        self._keeps_commands = keeps_commands
-        self.reset()
+        self._claims: WeakSet[Claim] = WeakSet()
+        self._unseen: list[Claim] = []
+        """Of motions that no state has shown."""
 
     def reset(self) -> None:
         """Forget all motions: time began again."""
-        if self._plays_here:
-            self._commands.drop(self._joints, base=True)  # states wait for a reset
+        self._motions.reset()
         with self._lock:
-            count = partial(self._status.count, "motions superseded before shown")
-            self._playlist = Playlist(self._joints, count)
-            self._commanded: dict[str, float] = {}
-            self._commanded_base: np.ndarray | None = None
-            self._plays_here = False
-            self.is_idle = True
-            """Whether no motion was sent since the reset."""
+            self._claims.clear()
+            self._unseen = []
 
     def play(self, trajectory: Motion, start_ns: int | None = None) -> Played:
         """Play a motion; wait for the simulator's answer.
@@ -112,21 +133,11 @@ class MotionPlayer:
         if not self._finds_service():
             return self._play_here(trajectory, start_ns)
         message = model_trajectory(self._status.name, trajectory, start_ns)
-        played = Played(False, "")
         with self._sending:
-            self.is_idle = self._plays_here = False
-            with self._lock:
-                self._is_awaited = True
-            try:
-                played = self._call(message)
-            finally:
-                with self._lock:
-                    self._is_awaited = False
-                    if played.success:
-                        playback = self._add(trajectory, played.start_ns)
-                        played = played._replace(playback=playback)
-                    self._lock.notify_all()
-        return played
+            played = self._call(message)
+            if not played.success:
+                return played
+            return played._replace(claim=self._claim(trajectory, played.start_ns))
 
     def stream(self, trajectory: Motion, start_ns: int | None = None) -> Played:
         """Like ``play``, without waiting: for a stream of configurations."""
@@ -138,9 +149,8 @@ class MotionPlayer:
             return self.play(trajectory, start_ns)
         message = model_trajectory(self._status.name, trajectory, start_ns)
         with self._sending:
-            self._plays_here = False
-            # Recorded first, so that the first state that shows it finds it.
-            self._add(trajectory, start_ns or self._status.stamp)
+            # Before it is sent: the first state that shows it may come at once.
+            self._claim(trajectory, start_ns or self._status.stamp)
             self._topic.publish(message)
         return Played(True, "")
 
@@ -156,18 +166,13 @@ class MotionPlayer:
             )
         message = ModelState(model_name=self._status.name, pose=pose_from_array(pose))
         with self._sending:
-            if self._keeps_commands:
-                self.is_idle = False
-            self._release((), base=True)
-            if self._plays_here:
-                self._commands.release((), base=True)
-            with self._lock:
-                state = self._status.state
-                if state is not None and state is self._before_base:
-                    self._status.count("base commands superseded before shown")
-                self._before_base = state
-                if self._keeps_commands:
-                    self._commanded_base = pose
+            self._take([BASE])
+            if not self._has_motors:
+                self._motions.place_base(pose)
+            state = self._status.state
+            if state is not None and state is self._before_base:
+                self._status.count("base commands superseded before shown")
+            self._before_base = state
             self._states.publish(message)
         return Played(True, "")
 
@@ -190,9 +195,10 @@ class MotionPlayer:
                 played = Played(True, "", self._status.stamp)
             if played.success:
                 released = self._joints if joints is None else joints
-                self._release(released, joints is None)
-                if self._plays_here:
-                    self._commands.release(released, joints is None)
+                has_base = joints is None
+                self._take([*released, BASE] if has_base else released)
+                if not plays_itself:
+                    self._motions.release(released, has_base)
         return played
 
     def set_anchor(self, link: str) -> SetAnchorResponse:
@@ -213,71 +219,60 @@ class MotionPlayer:
             positions: In [rad] or [m] by joint name.
         """
         with self._sending:
-            if self._keeps_commands:
-                self.is_idle = False
-            self._release(positions)
-            if self._keeps_commands:
-                with self._lock:
-                    self._commanded.update(positions)
+            self._take(positions)
+            if not self._has_motors:
+                self._motions.command(positions)
 
-    def _release(self, joints: Collection[str], base: bool = False) -> None:
-        """End the motions of joints, and optionally of the base."""
-        if self.is_idle:
-            return
-        with self._lock:
-            rows = [row for row, name in enumerate(self._joints) if name in joints]
-            self._playlist.release(rows, base)
-            if base:
-                self._commanded_base = None
+    def observe(
+        self, state: RobotState, motors: MotorArrays | None
+    ) -> tuple[RobotState, bool]:
+        """Advance the motions to a state.
 
-    def observe(self, state: RobotState) -> bool:
-        """Advance the motions to a state; return whether one reaches a sample."""
-        with self._lock:
-            # The first states of a motion arrive before the answer.
-            if self._is_awaited:
-                self._lock.wait_for(lambda: not self._is_awaited, ANSWER_TIMEOUT)
-                self._is_awaited = False
-            return bool(self._playlist) and self._advance(state)
+        Args:
+            state: The state.
+            motors: What the simulator publishes with it; None on the real Gazebo.
 
-    def with_commands(self, state: RobotState) -> RobotState:
-        """Return a state with the commanded joints and base."""
-        with self._lock:
-            return replace(
+        Returns:
+            The state with the commanded joints and base, and whether it reaches a
+            sample of a motion.
+        """
+        if self._unseen:
+            with self._lock:
+                self._unseen = [c for c in self._unseen if not c.is_shown(state.stamp)]
+        self._has_motors = motors is not None
+        if motors is None:
+            return self._motions.observe(state)
+        if self._keeps_commands and motors.commanded is not None:
+            pairs = zip(motors.names, motors.commanded.tolist())
+            state = replace(
                 state,
-                commanded=self._commanded.copy(),
-                commanded_base=self._commanded_base,
+                commanded={
+                    name: value for name, value in pairs if not math.isnan(value)
+                },
+                commanded_base=motors.commanded_base,
             )
+        return state, motors.is_sample
 
-    def _advance(self, state: RobotState) -> bool:
-        stamp = state.stamp
-        if self._playlist.is_waiting:
-            self._playlist.begin(stamp, self._present(state))
-        is_sample = False
-        for playback in self._playlist.moving():
-            is_sample = playback.reaches_sample(stamp) or is_sample
-            if self._keeps_commands or self._plays_here:
-                self._apply(playback.setpoint(stamp))
-        self._playlist.drop_over(stamp)
-        return is_sample
+    def _claim(self, trajectory: Motion, start_ns: int) -> Claim:
+        """Record what a motion moves, and which motions nobody will see."""
+        has_base = trajectory.base_poses is not None
+        parts = [name for name in trajectory.joint_names if name in self._joints]
+        parts += [BASE] if has_base else []
+        claim = Claim(parts, start_ns)
+        for _ in range(self._take(parts, start_ns)):
+            self._status.count("motions superseded before shown")
+        with self._lock:
+            self._claims.add(claim)
+            self._unseen.append(claim)
+        return claim
 
-    def _apply(self, setpoint: Setpoint) -> None:
-        """Record a sample, or send it to a simulator that cannot play."""
-        names = [self._joints[row] for row in setpoint.rows]
-        positions = dict(zip(names, setpoint.positions.tolist()))
-        if self._keeps_commands:
-            self._commanded.update(positions)
-            if setpoint.base_pose is not None:
-                self._commanded_base = setpoint.base_pose
-        if self._plays_here:
-            self._commands.put(positions, setpoint.base_pose)
-
-    def _present(self, state: RobotState) -> Setpoint:
-        """Return the robot's state as a setpoint; joints not measured are at zero."""
-        n = len(self._joints)
-        position, velocity = np.zeros(n), np.zeros(n)
-        own = [self._joints.index(name) for name in state.names]
-        position[own], velocity[own] = state.positions, state.velocities
-        return Setpoint(np.arange(n), position, velocity, state.base_pose)
+    def _take(self, parts: Collection[str], start_ns: int = 0) -> int:
+        """Take joints and the base from motions; return how many nobody will see."""
+        with self._lock:
+            lost = {one for one in self._claims if one.give(parts, start_ns)}
+            seen = [one for one in self._unseen if one not in lost]
+            self._unseen, n_unseen = seen, len(self._unseen) - len(seen)
+        return n_unseen
 
     def _play_here(self, trajectory: Motion, start_ns: int | None) -> Played:
         """Play a motion on a simulator that cannot play motions."""
@@ -291,15 +286,11 @@ class MotionPlayer:
             state is None or state.base_pose is None
         ):
             return Played(False, f"{self._status.name} has no floating base")
-        self._plays_here = True
-        playback = self._add(trajectory, start_ns or now)
-        return Played(True, "", start_ns or now, playback)
-
-    def _add(self, trajectory: Motion, start_ns: int) -> Playback:
-        """Record a started motion."""
-        with self._lock:
-            self.is_idle = False
-            return self._playlist.add(trajectory, start_ns)
+        start = start_ns or now
+        with self._sending:
+            claim = self._claim(trajectory, start)
+            self._motions.add(trajectory, start)
+        return Played(True, "", start, claim)
 
     def _finds_service(self) -> bool:
         """Ask the master whether the simulator plays motions itself.
@@ -320,3 +311,99 @@ class MotionPlayer:
         except SERVICE_ERRORS as error:
             return Played(False, f"the simulator does not answer: {error}")
         return Played(answer.success, answer.status_message, answer.start.to_nsec())
+
+
+class GazeboMotions:
+    """Motions that the bridge plays, and what is commanded, on the real Gazebo.
+
+    Each published state is answered with the sample of its time.
+    """
+
+    def __init__(
+        self, joints: Sequence[str], commands: JointCommands, keeps_commands: bool
+    ) -> None:
+        self._joints, self._commands = joints, commands
+        self._keeps_commands = keeps_commands
+        self._lock = threading.Lock()
+        self._forget()
+
+    def _forget(self) -> None:
+        self._playlist = Playlist(self._joints)
+        self._commanded: dict[str, float] = {}
+        self._commanded_base: np.ndarray | None = None
+        self._is_playing = False
+        """Whether any motion was played since the reset."""
+
+    def reset(self) -> None:
+        """Forget all motions: time began again."""
+        if self._is_playing:
+            self._commands.drop(self._joints, base=True)  # states wait for a reset
+        with self._lock:
+            self._forget()
+
+    def add(self, trajectory: Motion, start_ns: int) -> None:
+        """Play a motion from a time in [ns]."""
+        with self._lock:
+            self._is_playing = True
+            self._playlist.add(trajectory, start_ns)
+
+    def release(self, joints: Collection[str], base: bool) -> None:
+        """End the motions of joints, and optionally of the base."""
+        with self._lock:
+            self._release(joints, base)
+        if self._is_playing:
+            self._commands.release(joints, base)
+
+    def command(self, positions: Mapping[str, float]) -> None:
+        """End the motions of joints, which go to positions in [rad] or [m]."""
+        with self._lock:
+            self._release(positions)
+            self._commanded.update(positions)
+
+    def place_base(self, pose: np.ndarray) -> None:
+        """End the motion of the base, which goes to a pose in the map, shape (7,)."""
+        self.release((), base=True)
+        with self._lock:
+            self._commanded_base = pose
+
+    def _release(self, joints: Collection[str], base: bool = False) -> None:
+        rows = [row for row, name in enumerate(self._joints) if name in joints]
+        self._playlist.release(rows, base)
+        if base:
+            self._commanded_base = None
+
+    def observe(self, state: RobotState) -> tuple[RobotState, bool]:
+        """Send the samples of a state's time; return as ``MotionPlayer.observe``."""
+        with self._lock:
+            is_sample = bool(self._playlist) and self._advance(state)
+            if self._keeps_commands:
+                state = replace(
+                    state,
+                    commanded=self._commanded.copy(),
+                    commanded_base=self._commanded_base,
+                )
+        return state, is_sample
+
+    def _advance(self, state: RobotState) -> bool:
+        stamp, is_sample = state.stamp, False
+        if self._playlist.is_waiting:
+            self._playlist.begin(stamp, self._present(state))
+        for playback in self._playlist.moving():
+            is_sample = playback.reaches_sample(stamp) or is_sample
+            sample = playback.setpoint(stamp)
+            names = [self._joints[row] for row in sample.rows]
+            positions = dict(zip(names, sample.positions.tolist()))
+            self._commanded.update(positions)
+            if sample.base_pose is not None:
+                self._commanded_base = sample.base_pose
+            self._commands.put(positions, sample.base_pose)
+        self._playlist.drop_over(stamp)
+        return is_sample
+
+    def _present(self, state: RobotState) -> Setpoint:
+        """Return the robot's state as a setpoint; joints not measured are at zero."""
+        n = len(self._joints)
+        position, velocity = np.zeros(n), np.zeros(n)
+        own = [self._joints.index(name) for name in state.names]
+        position[own], velocity[own] = state.positions, state.velocities
+        return Setpoint(np.arange(n), position, velocity, state.base_pose)

@@ -63,7 +63,7 @@ class BridgedRobot:
         self.commands = JointCommands(p.gazebo, status.name, status.commands, log)
         self.player = MotionPlayer(p.gazebo, status, self.commands, p.ghost)
         self._warnings = RobotWarnings(status, log)
-        self._map_frame, self._keeps_commands = p.map_frame, p.ghost
+        self._map_frame = p.map_frame
         base = base_child(p, status.description)
         self._base = base and robot.frame_prefix + base
         self._tf_filter = TfFilter(
@@ -106,7 +106,7 @@ class BridgedRobot:
         Returns:
             The base in the map in the previous state, if it is due on TF.
         """
-        is_sample = not self.player.is_idle and self.player.observe(state)
+        state, is_sample = self.player.observe(state, motors)
         has_changed = problems is not self.status.problems
         self.status.state, self.status.problems = state, problems
         if has_changed or problems.are_any:
@@ -116,8 +116,6 @@ class BridgedRobot:
             for topic in self._topics:
                 topic.forget()
             return None
-        if self._keeps_commands:
-            state = self.player.with_commands(state)
         if self._overlays:
             with quiet_when_closing():
                 for overlay in self._overlays:

@@ -101,6 +101,7 @@ class StateTopics:
                     self._sent, self._sent_ns = time.monotonic(), self._world.time_ns
                 else:
                     topic.forget()
+            self._world.motions.show()
         self._is_settled, self._changed = False, -math.inf
 
     def _publish_clock(self) -> None:
@@ -170,6 +171,7 @@ class StateTopics:
             if self._shown[messages] != shown:
                 topic.publish(message)
                 self._sent, self._sent_ns = time.monotonic(), self._world.time_ns
+        self._world.motions.show()
         return math.inf
 
     def _is_due(self, rate: float) -> bool:
@@ -217,8 +219,16 @@ class StateTopics:
         for model in world.models.values():
             if model.joint_names:
                 efforts = world.engine.efforts(model) if world.is_dynamic else None
-                joints = model.position, model.velocity, efforts
-                motors = MotorArrays(model.name, model.joint_names, *joints)
+                motors = MotorArrays(
+                    model.name,
+                    model.joint_names,
+                    model.position,
+                    model.velocity,
+                    efforts,
+                    model.commanded,
+                    model.commanded_base,
+                    world.motions.has_reached_sample(model),
+                )
                 yield encode_motors(world.time_ns, motors)
 
     def _encoded_links(self) -> bytes:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any, NamedTuple
@@ -69,11 +69,6 @@ class Playback:
         self._columns = columns
         self.rows = rows
         """Indices of the robot's movable joints that it moves, shape (n,)."""
-
-    @property
-    def is_unseen(self) -> bool:
-        """Whether ``reaches_sample`` has never been true."""
-        return not self._n_reached
 
     @property
     def is_empty(self) -> bool:
@@ -161,16 +156,9 @@ class Playlist:
 
     Args:
         joint_names: The robot's movable joints.
-        on_unseen: Called for each motion that was replaced before any of its samples
-            was reached.
     """
 
-    def __init__(
-        self,
-        joint_names: Sequence[str],
-        on_unseen: Callable[[], None] = lambda: None,
-    ) -> None:
-        self._on_unseen = on_unseen
+    def __init__(self, joint_names: Sequence[str]) -> None:
         self._row_of = {name: row for row, name in enumerate(joint_names)}
         self._names: tuple[str, ...] = ()
         self._columns = self._rows = np.zeros(0, dtype=int)
@@ -200,7 +188,7 @@ class Playlist:
             for one in self._playbacks
             if not one.has_begun and one.start_ns >= start_ns
         ]
-        self._replace(later, playback)
+        self._release(later, playback.rows, playback.moves_base)
         self._playbacks.append(playback)
         return playback
 
@@ -226,7 +214,7 @@ class Playlist:
             if playback.start_ns <= time_ns and not playback.has_begun:
                 playback.begin(time_ns, present)
                 older = self._playbacks[: self._playbacks.index(playback)]
-                self._replace(older, playback)
+                self._release(older, playback.rows, playback.moves_base)
 
     def moving(self) -> list[Playback]:
         """List the motions that have begun."""
@@ -239,13 +227,6 @@ class Playlist:
             for one in self._playbacks
             if not (one.has_begun and one.is_over(time_ns))
         ]
-
-    def _replace(self, old: Collection[Playback], new: Playback) -> None:
-        """Release the joints of a new motion from older ones."""
-        self._release(old, new.rows, new.moves_base)
-        for playback in old:
-            if playback.is_empty and playback.is_unseen:
-                self._on_unseen()
 
     def _release(
         self, playbacks: Collection[Playback], rows: Collection[int], base: bool

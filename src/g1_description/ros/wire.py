@@ -53,12 +53,29 @@ class MotorArrays(NamedTuple):
     efforts: np.ndarray | None
     """Of their motors, in [N m] or [N]."""
 
+    commanded: np.ndarray | None
+    """Last commands or samples of motions, in [rad] or [m]; NaN: none."""
+
+    commanded_base: np.ndarray | None = None
+    """Commanded pose of the root link in the world, shape (7,); None if there is none.
+    """
+
+    is_sample: bool = False
+    """Whether a sample of a motion was reached since the state before."""
+
     def of(self, names: tuple[str, ...], numbers: np.ndarray) -> np.ndarray:
         """Return the numbers of other joints, NaN of those that are unknown."""
         if names == self.names:
             return numbers
         known = dict(zip(self.names, numbers.tolist()))
         return np.array([known.get(name, np.nan) for name in names])
+
+
+_NUMBERS = 4
+"""Arrays in ``MotorArrays`` with a number per joint."""
+
+_COMMANDED_BASE = struct.Struct("<?7d?")
+"""Whether there is one, the pose, and ``is_sample``."""
 
 
 class LinkStatesEncoder:
@@ -90,11 +107,14 @@ def encode_motors(time_ns: int, motors: MotorArrays) -> bytes:
     """Encode one MotorStates with a time in [ns]."""
     header = _SEQ_AND_STAMP.pack(0, *divmod(time_ns, 1_000_000_000))
     parts = [header, _motor_head(motors.model, motors.names)]
-    for numbers in motors[2:]:
+    for numbers in motors[2 : 2 + _NUMBERS]:
         count = 0 if numbers is None else len(numbers)
         parts.append(_COUNT.pack(count))
         if count:
             parts.append(np.asarray(numbers, dtype=_FLOAT).tobytes())
+    base = motors.commanded_base
+    pose = np.zeros(7) if base is None else base
+    parts.append(_COMMANDED_BASE.pack(base is not None, *pose, motors.is_sample))
     return b"".join(parts)
 
 
@@ -173,10 +193,15 @@ class LinkStatesDecoder:
             self._motors[number:] = [known]
         head, model, names = known
         n, offset, found = len(names), start + len(head), []
-        for _ in MotorArrays._fields[2:]:
+        for _ in range(_NUMBERS):
             numbers, offset = _read_numbers(data, offset, n)
             found.append(numbers)
-        return MotorArrays(model, names, *found), offset
+        end = offset + _COMMANDED_BASE.size
+        if end > len(data):
+            raise WireFormatError(f"The message ends after {len(data)} bytes.")
+        has_base, *pose, is_sample = _COMMANDED_BASE.unpack_from(data, offset)
+        base = np.array(pose) if has_base else None
+        return MotorArrays(model, names, *found, base, is_sample), end
 
     def _read(
         self, data: bytes, offset: int, has_frame_id: bool = False

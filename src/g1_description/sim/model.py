@@ -175,6 +175,11 @@ class Model:
         """Velocities of the movable joints in [rad/s] or [m/s], shape (n_joints,)."""
         self.target = np.array(self.position)
         """Last commanded positions, the motors' targets, shape (n_joints,)."""
+        self.commanded = np.full(len(self.joint_names), np.nan)
+        """The same as they were requested, before limits, shape (n_joints,); NaN: no
+        command since the reset."""
+        self.commanded_base: np.ndarray | None = None
+        """Last requested pose of the first root link, shape (7,)."""
         self._links: States | Callable[[], States]
         self._placed: Callable[[], States] | None = None
         self._update_links()
@@ -288,6 +293,7 @@ class Model:
         """
         report = Report()
         desired: dict[int, float] = {}
+        requested: dict[int, float] = {}
         for name, position in positions.items():
             row = self.joint_row(name)
             if row is None:
@@ -299,12 +305,14 @@ class Model:
                     f"{position})"
                 )
             lower, upper = float(self.lower[row]), float(self.upper[row])
+            requested[row] = float(position)
             desired[row] = min(max(float(position), lower), upper)
             if desired[row] != position:
                 report.clamped[name] = float(position), desired[row]
         report.changed = [row for row in desired if not self._is_at(row, desired[row])]
         if desired:
             self._place_joints(np.array([*desired]), np.array([*desired.values()]))
+            self.commanded[[*requested]] = [*requested.values()]
         return report
 
     def _is_at(self, row: int, position: float) -> bool:
@@ -369,7 +377,7 @@ class Model:
             velocity: In [rad/s] or [m/s].
         """
         self.position[row] = np.clip(position, self.lower[row], self.upper[row])
-        self.target[row] = self.position[row]
+        self.target[row] = self.commanded[row] = self.position[row]
         self.velocity[row] = velocity
         self._update_links()
 
@@ -428,6 +436,7 @@ class Model:
         is_valid = np.isfinite(self.position)
         self.position[:] = np.where(is_valid, self.position, initial)
         self.set_state(self.initial_pose, np.zeros(6))
+        self.commanded_base = None
         if len(self.trees) > 1:
             self.root_poses[1:] = self._initial_root_poses()[1:]
             self._update_links()

@@ -124,6 +124,8 @@ class Motions:
         self.fall_limits = fall_limits
         """Definition of a fall, for motions that start from now on."""
         self._playlists: dict[Model, Playlist] = {}
+        self._reached: set[Model] = set()
+        self._is_shown = False
         self._trackers: dict[Playback, MotionTracker] = {}
         self._tracked: list[MotionTracker] = []
 
@@ -177,6 +179,8 @@ class Motions:
             still = model.target[stopped], np.zeros(len(stopped))
             root = (model.root_poses[0], np.zeros(6)) if base else ()
             self._set(model, Setpoint(stopped, *still, *root))
+        if not names:
+            model.commanded_base = None
         self.release(model, rows, base=not names)
         self._settle(model, moved_base)
 
@@ -209,12 +213,17 @@ class Motions:
 
     def step(self, time_ns: int) -> None:
         """Set models, or their motors' targets, to their motions at a time in [ns]."""
+        if self._is_shown:
+            self._reached.clear()
+            self._is_shown = False
         for model, playlist in [*self._playlists.items()]:
             if playlist.is_waiting:
                 playlist.begin(time_ns, _state(model))
             moving, moved_base = playlist.moving(), self.moves_base(model)
             for playback in moving:
                 desired = self._set(model, playback.setpoint(time_ns))
+                if playback.reaches_sample(time_ns):
+                    self._reached.add(model)
                 if self._engine.is_dynamic and not playback.is_single:
                     self._expect(model, playback, desired)
             playlist.drop_over(time_ns)
@@ -222,6 +231,14 @@ class Motions:
                 self._settle(model, moved_base)
             if not playlist:
                 del self._playlists[model]
+
+    def has_reached_sample(self, model: Model) -> bool:
+        """Return whether a model reached a sample since ``show``, or at its time."""
+        return model in self._reached
+
+    def show(self) -> None:
+        """Record that the present state is published."""
+        self._is_shown = True
 
     def _expect(self, model: Model, playback: Playback, desired: Setpoint) -> None:
         """Record the motors' targets of the next step."""
@@ -252,6 +269,9 @@ class Motions:
 
     def _set(self, model: Model, desired: Setpoint) -> Setpoint:
         """Set a model or its motors' targets, clamped to the limits; return them."""
+        model.commanded[desired.rows] = desired.positions
+        if desired.base_pose is not None:
+            model.commanded_base = desired.base_pose
         desired = _inside_limits(model, desired)
         if self._engine.is_dynamic:
             model.target[desired.rows] = desired.positions

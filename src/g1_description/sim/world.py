@@ -346,6 +346,7 @@ class World:
         """
         pose, twist = in_world(frame, pose, twist)
         model.set_state(pose, twist * self.is_dynamic)
+        model.commanded_base = model.root_poses[0].copy() if model.trees else None
         self.motions.release(model, base=True)
         self.anchors.renew(model)
         self.gantries.renew(model)
@@ -364,6 +365,8 @@ class World:
             tree: Index of the tree.
         """
         model.set_root_state(pose, twist * self.is_dynamic, tree)
+        if tree == 0:
+            model.commanded_base = model.root_poses[0].copy()
         self.motions.release(model, base=tree == 0)
         self.anchors.renew(model)
         self.gantries.renew(model)
