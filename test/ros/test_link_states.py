@@ -73,18 +73,20 @@ def test_what_is_written_is_read_also_when_names_change(messages):
 
 
 def random_motors(models, seed):
-    """Make joints of models, of which some lack numbers."""
+    """Make joints of models, some without efforts or a commanded base."""
     random = np.random.default_rng(seed)
 
-    def numbers(n):
-        return random.normal(size=n) if n and random.random() < 0.7 else None
+    def perhaps(n):
+        return random.normal(size=n) if n and random.random() < 0.5 else None
 
     return {
         model: MotorArrays(
             model,
             tuple(joints),
-            *(numbers(len(joints)) for _ in range(4)),
-            numbers(7),
+            *random.normal(size=(2, len(joints))),
+            perhaps(len(joints)),
+            random.normal(size=len(joints)),
+            perhaps(7),
             random.random() < 0.5,
         )
         for model, joints in models.items()

@@ -242,7 +242,7 @@ class MotionPlayer:
         self._has_motors = motors is not None
         if motors is None:
             return self._motions.observe(state)
-        if self._keeps_commands and motors.commanded is not None:
+        if self._keeps_commands:
             pairs = zip(motors.names, motors.commanded.tolist())
             state = replace(
                 state,

@@ -44,16 +44,16 @@ class MotorArrays(NamedTuple):
     model: str
     names: tuple[str, ...]
 
-    positions: np.ndarray | None
-    """In [rad] or [m]; here and below None if the message has none."""
+    positions: np.ndarray
+    """In [rad] or [m]."""
 
-    velocities: np.ndarray | None
+    velocities: np.ndarray
     """In [rad/s] or [m/s]."""
 
     efforts: np.ndarray | None
-    """Of their motors, in [N m] or [N]."""
+    """Of their motors, in [N m] or [N]; None in ``kinematic``."""
 
-    commanded: np.ndarray | None
+    commanded: np.ndarray
     """Last commands or samples of motions, in [rad] or [m]; NaN: none."""
 
     commanded_base: np.ndarray | None = None
@@ -192,16 +192,23 @@ class LinkStatesDecoder:
             known = data[start:end], model, names
             self._motors[number:] = [known]
         head, model, names = known
-        n, offset, found = len(names), start + len(head), []
-        for _ in range(_NUMBERS):
-            numbers, offset = _read_numbers(data, offset, n)
-            found.append(numbers)
-        end = offset + _COMMANDED_BASE.size
+        n, begin = len(names), start + len(head)
+        third = begin + 2 * (_COUNT.size + n * _FLOAT.itemsize)
+        has_efforts = data[third : third + _COUNT.size] != _COUNT.pack(0)
+        layout, starts = _motor_layout(n, has_efforts)
+        end = begin + layout.size
         if end > len(data):
             raise WireFormatError(f"The message ends after {len(data)} bytes.")
-        has_base, *pose, is_sample = _COMMANDED_BASE.unpack_from(data, offset)
-        base = np.array(pose) if has_base else None
-        return MotorArrays(model, names, *found, base, is_sample), end
+        found = layout.unpack_from(data, begin)
+        if found[:4] != (n, n, n * has_efforts, n):
+            raise WireFormatError(f"{model} has {n} joints, but {found[:4]} numbers.")
+        arrays: list[np.ndarray | None] = [
+            np.frombuffer(data, _FLOAT, n, begin + one) for one in starts
+        ]
+        if not has_efforts:
+            arrays.insert(2, None)
+        base = np.array(found[5:12]) if found[4] else None
+        return MotorArrays(model, names, *arrays, base, found[12]), end
 
     def _read(
         self, data: bytes, offset: int, has_frame_id: bool = False
@@ -273,11 +280,20 @@ def _end_of_numbers(data: bytes, offset: int, width: int, n: int | None = None) 
     return end
 
 
-def _read_numbers(data: bytes, offset: int, n: int) -> tuple[np.ndarray | None, int]:
-    """Read an array of ``n`` float64, None if it is empty; return it and its end."""
-    count, start = _read_count(data, offset)
-    end = _end_of_numbers(data, offset, 1, count and n)
-    return (np.frombuffer(data, _FLOAT, n, start) if count else None), end
+@lru_cache(maxsize=100)
+def _motor_layout(n: int, has_efforts: bool) -> tuple[struct.Struct, tuple[int, ...]]:
+    """Return what follows the names of n joints, and the starts of its arrays.
+
+    These are four counts, whether there is a commanded base, its pose, and
+    ``is_sample``.
+    """
+    sizes = [n, n, n * has_efforts, n]
+    arrays = "".join(f"I{size * _FLOAT.itemsize}x" for size in sizes)
+    ends = np.cumsum([_COUNT.size + size * _FLOAT.itemsize for size in sizes])
+    starts = (ends - np.array(sizes) * _FLOAT.itemsize).tolist()
+    if not has_efforts:
+        del starts[2]
+    return struct.Struct(f"<{arrays}?7d?"), tuple(starts)
 
 
 class Prepared:
