@@ -453,7 +453,7 @@ def record(robot, model, steps=5000):
         twists = [still] * len(names)
         messages.append(body_of(LinkStates(names, [ground, *placed], twists)))
     motors = MotorStates(model_name=MODEL, joint_names=robot.joint_names)
-    motors.q = motors.dq = [0.0] * count
+    motors.q = motors.dq = motors.commanded = [0.0] * count
     return Recording(positions, messages, body_of(motors))
 
 
