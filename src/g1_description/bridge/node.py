@@ -20,11 +20,10 @@ import posixpath
 import sys
 import threading
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 
 import rospy
-from geometry_msgs.msg import TransformStamped
 from tf2_msgs.msg import TFMessage
 
 from g1_description.bridge.action import ACTION, FollowJointTrajectory
@@ -96,10 +95,6 @@ class BridgeNode:
             )
             for robot, description in robots
         ]
-        self._robots = [
-            BridgedRobot(robot, p, status, self._log)
-            for (robot, _), status in zip(robots, statuses)
-        ]
         self._estimator = JointStateEstimator({s.name: s.description for s in statuses})
         self._stamps = RisingStamps()
         self._has_clock = False
@@ -108,6 +103,10 @@ class BridgeNode:
         self._tf = DirectPublisher(
             "/tf", TFMessage, TF_QUEUE_SIZE, on_newcomer=self._newcomer.set
         )
+        self._robots = [
+            BridgedRobot(robot, p, status, self._log, self._tf)
+            for (robot, _), status in zip(robots, statuses)
+        ]
         self._static_frames = StaticFrames(p, robots)
         frame = MapFrame((p.map_frame, p.world_frame))
         for (robot, _), bridged in zip(robots, self._robots):
@@ -174,20 +173,12 @@ class BridgeNode:
             names = listed(self._estimator.duplicates)
             text = f"Duplicate links in a message, the first one is used: {names}."
             self._log.warn("duplicates", text)
-        self._broadcast(
+        for robot, state, problems in zip(
+            self._robots, found, self._estimator.problems
+        ):
             robot.publish(state, problems, motors.get(robot.status.name))
-            for robot, state, problems in zip(
-                self._robots, found, self._estimator.problems
-            )
-        )
         for action in self._actions:
             action.on_state()
-
-    def _broadcast(self, edges: Iterable[TransformStamped | None]) -> None:
-        """Send the edges that are not None in one message."""
-        found = [edge for edge in edges if edge is not None]
-        if found:
-            self._tf.publish(TFMessage(found))
 
     def _reset(self, stamp: int) -> None:
         """Start again, as simulated time did, at a time in [ns]."""
@@ -222,7 +213,8 @@ class BridgeNode:
             stamp = self._stamps.again()
             for robot in self._robots:
                 robot.publish_again(stamp)
-        self._broadcast(robot.settle() for robot in self._robots)
+        for robot in self._robots:
+            robot.settle()
 
     @property
     def _stands_still(self) -> bool:

@@ -7,8 +7,8 @@ from dataclasses import replace
 from functools import partial
 
 import rospy
-from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import JointState
+from tf2_msgs.msg import TFMessage
 
 from g1_description.bridge.commands import JointCommands
 from g1_description.bridge.estimator import LASTING, LinkProblems
@@ -48,18 +48,16 @@ TF_QUEUE_SIZE = 100
 class BridgedRobot:
     """Publishes the states of one robot."""
 
-    _unsent: RobotState | None = None
-    """Last state that was not sent to TF, of a robot without a base."""
-
     def __init__(
         self,
         robot: RobotParameters,
         parameters: BridgeParameters,
         status: RobotStatus,
         log: ThrottledLog,
+        tf: DirectPublisher,
     ) -> None:
         p = parameters
-        self.status = status
+        self.status, self._tf = status, tf
         self.commands = JointCommands(p.gazebo, status.name, status.commands, log)
         self.player = MotionPlayer(p.gazebo, status, self.commands, p.ghost)
         self._warnings = RobotWarnings(status, log)
@@ -95,16 +93,13 @@ class BridgedRobot:
         state: RobotState,
         problems: LinkProblems,
         motors: MotorArrays | None = None,
-    ) -> TransformStamped | None:
+    ) -> None:
         """Publish a state.
 
         Args:
             state: The state.
             problems: Problems of the robot's links.
             motors: Its motors; None if the simulator does not publish them.
-
-        Returns:
-            The base in the map in the previous state, if it is due on TF.
         """
         state, is_sample = self.player.observe(state, motors)
         has_changed = problems is not self.status.problems
@@ -115,14 +110,13 @@ class BridgedRobot:
             self._tf_filter.drop()
             for topic in self._topics:
                 topic.forget()
-            return None
+            return
         if self._overlays:
             with quiet_when_closing():
                 for overlay in self._overlays:
                     overlay.show(state)
         self._joint_states.publish(self._encoder.encode(state))
-        if self._base is None:
-            state = replace(state, base_pose=None, base_twist=None)
+        state = self._below_map(state)
         if self.status.history is not None:
             if motors is not None and motors.efforts is not None:
                 state = replace(state, efforts=motors.of(state.names, motors.efforts))
@@ -130,7 +124,7 @@ class BridgedRobot:
         self._robot_states.publish(
             Prepared(partial(write_robot_state, state, self._map_frame))
         )
-        return self._send_to_tf(state, is_sample)
+        self._send_to_tf(state, is_sample)
 
     def publish_again(self, stamp: int) -> None:
         """Send the last state to TF once more, for a new listener.
@@ -141,51 +135,36 @@ class BridgedRobot:
         self.reset()
         state, problems = self.status.state, self.status.problems
         if state is not None and problems is not None and problems.is_present:
-            self._send_to_tf(replace(state, stamp=stamp))
+            self._send_to_tf(self._below_map(replace(state, stamp=stamp)))
 
-    def _send_to_tf(
-        self, state: RobotState, is_sample: bool = False
-    ) -> TransformStamped | None:
-        """Send joints to TF if they are due; return the base like ``publish``."""
-        if self._base is None or state.base_pose is None:
-            self._unsent = state
-            if self._tf_filter.passes_without_base(state.stamp):
-                self._send_unsent()
-            return None
-        self._unsent = None
+    def settle(self) -> None:
+        """Send the last state to TF if it was not sent yet."""
+        self._show(*self._tf_filter.settle())
+
+    def _below_map(self, state: RobotState) -> RobotState:
+        """Return a state without the base, if that is no child of the map."""
+        if self._base is None:
+            return replace(state, base_pose=None, base_twist=None)
+        return state
+
+    def _send_to_tf(self, state: RobotState, is_sample: bool = False) -> None:
+        """Send to TF what is due with a new state."""
         count = self.status.commands
         is_under_way = count.received > count.answered
-        return self._show(
+        self._show(
             *self._tf_filter.next(
                 state, time.monotonic(), count.received, is_under_way, is_sample
             )
         )
 
-    def _send_unsent(self) -> None:
-        """Send the pending joints to TF."""
-        joints, self._unsent = self._unsent, None
-        self._show(joints, None)
-
-    def settle(self) -> TransformStamped | None:
-        """Send the last state to TF if it was not sent yet.
-
-        Returns:
-            Its base in the map, if that was not sent yet.
-        """
-        if self._unsent is not None:
-            self._send_unsent()
-        return self._show(*self._tf_filter.settle())
-
-    def _show(
-        self, joints: RobotState | None, base: RobotState | None
-    ) -> TransformStamped | None:
-        """Send a state's joints to TF; return another one's base in the map."""
+    def _show(self, joints: RobotState | None, base: RobotState | None) -> None:
+        """Send a state's joints and another one's base in the map."""
         if joints is not None:
             self._tf_joint_states.publish(self._encoder.encode(joints))
-        if base is None or base.base_pose is None:
-            return None
-        stamp, pose = stamp_from_ns(base.stamp), base.base_pose.tolist()
-        return transform(stamp, self._map_frame, self._base, pose)
+        if base is not None and base.base_pose is not None:
+            stamp, pose = stamp_from_ns(base.stamp), base.base_pose.tolist()
+            edge = transform(stamp, self._map_frame, self._base, pose)
+            self._tf.publish(TFMessage([edge]))
 
     def flush(self) -> None:
         """Send the queued messages of slow subscribers, and compress the history."""
@@ -206,7 +185,6 @@ class BridgedRobot:
     def reset(self) -> None:
         """Forget what was sent to TF: time began again, or a listener is new."""
         self._tf_filter.reset()
-        self._unsent = None
 
 
 class RobotWarnings:

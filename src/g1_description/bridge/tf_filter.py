@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Optional, Tuple
+from typing import NamedTuple, Optional, Tuple
 
 import numpy as np
 
@@ -107,14 +107,40 @@ class PoseThrottle:
         self._stamp = self._pose = None
 
 
+class Delayed(NamedTuple):
+    """A state that waits for the next one."""
+
+    state: RobotState
+    is_sample: bool = False
+    """Whether it reached a sample of a motion."""
+
+    is_torn: bool = False
+    """Whether a command for the joints was pending when it came."""
+
+    base_moved: bool = False
+    """Whether its base differs from that of the state before."""
+
+
 class WholeStates:
     """Delays each state by one, until it is known to be complete.
 
     A planner that moves base and joints sends two messages at a time, and the one for
     the joints takes longer: through the bridge. A state between the two has a new base
-    and old joints, and a stance foot slides by a step of the motion. So a state whose
-    base has moved does not pass while a command for the joints is pending. States that
-    move by themselves, and samples of a motion, are complete.
+    and old joints, and a stance foot slides by a step of the motion. Each state is the
+    first of these cases that it matches:
+
+    ==============================================================  ==================
+    a state                                                         passes
+    ==============================================================  ==================
+    whose next state has other joints than it, in number            yes
+    that reached a sample of a motion, or moves by itself           yes
+    with the base that was shown last                               yes
+    that came while a command for the joints was under way          after ``MAX_HOLD``
+    that came after a command was answered, and before the joints   after ``MAX_HOLD``
+    moved, for ``ANSWER_DELAY``
+    whose base moved, if a command came before the next state       after ``MAX_HOLD``
+    else                                                            yes
+    ==============================================================  ==================
     """
 
     def __init__(self) -> None:
@@ -122,15 +148,10 @@ class WholeStates:
 
     def reset(self) -> None:
         """Forget the delayed state."""
-        self.delayed: RobotState | None = None
-        """The last state."""
-        self.is_sample = False
-        """Whether it reached a sample of a motion: all of them are sent to TF."""
-        self._is_torn = False
-        self._base_moved = False
-        self._shown: np.ndarray | None = None
-        self._passed = self._answered = -math.inf
+        self.delayed: Delayed | None = None
         self._commands = 0
+        self._torn_until = self._passed = -math.inf
+        self._shown: np.ndarray | None = None
 
     def next(
         self,
@@ -139,7 +160,7 @@ class WholeStates:
         commands: int = 0,
         is_under_way: bool = False,
         is_sample: bool = False,
-    ) -> RobotState | None:
+    ) -> Delayed | None:
         """Take a state.
 
         Args:
@@ -150,29 +171,35 @@ class WholeStates:
             is_sample: Whether the state reached a sample of a motion.
 
         Returns:
-            The previous state, if it was complete or was delayed for too long.
+            The previous state, if it passes.
         """
-        delayed, self.delayed = self.delayed, state
-        was_sample, self.is_sample = self.is_sample, is_sample
+        before, self.delayed = self.delayed, Delayed(state, is_sample)
         has_news, self._commands = commands != self._commands, commands
-        if delayed is None or len(state.positions) != len(delayed.positions):
-            return delayed
-        was_torn = self._is_torn or (self._base_moved and has_news)
-        self._base_moved = _differ(state.base_pose, delayed.base_pose)
-        joints_moved = _differ(state.positions, delayed.positions)
+        if before is None or len(state.positions) != len(before.state.positions):
+            return before
+        joints_moved = _differ(state.positions, before.state.positions)
         if is_under_way or (has_news and not joints_moved):
-            self._is_torn, self._answered = True, now
-        elif joints_moved or now - self._answered > ANSWER_DELAY:
-            self._is_torn = False
-        if was_torn and now - self._passed < MAX_HOLD:
-            is_still = self._shown is not None and not _differ(
-                delayed.base_pose, self._shown
-            )
-            is_moving = delayed.velocities is not None and delayed.velocities.any()
-            if not (is_still or is_moving or was_sample):
-                return None
-        self._shown, self._passed = delayed.base_pose, now
-        return delayed
+            self._torn_until = now + ANSWER_DELAY
+        elif joints_moved:
+            self._torn_until = -math.inf
+        self.delayed = Delayed(
+            state,
+            is_sample,
+            now <= self._torn_until,
+            _differ(state.base_pose, before.state.base_pose),
+        )
+        is_half = before.is_torn or (before.base_moved and has_news)
+        if is_half and now - self._passed < MAX_HOLD and not self._is_whole(before):
+            return None
+        self._shown, self._passed = before.state.base_pose, now
+        return before
+
+    def _is_whole(self, delayed: Delayed) -> bool:
+        """Return whether a state is complete whatever the commands are."""
+        state, shown = delayed.state, self._shown
+        moves = state.velocities is not None and bool(state.velocities.any())
+        is_still = shown is not None and not _differ(state.base_pose, shown)
+        return delayed.is_sample or moves or is_still
 
 
 Shown = Tuple[Optional[RobotState], Optional[RobotState]]
@@ -186,14 +213,13 @@ class TfFilter:
     each base, and alone, if they are due, while the base stands still. The last pose of
     a standing base is sent before it moves: otherwise TF would interpolate its motion
     at the stamps of those joints. Joints are sent less often while none of them moves,
-    and the last state before one moves is sent, too.
+    and the last state before one moves is sent, too. Of a robot without a base, joints
+    are sent every ``JOINTS_PERIOD``.
     """
 
     def __init__(self, throttle: PoseThrottle) -> None:
         self._throttle, self._whole_states = throttle, WholeStates()
-        self._joints_stamp = -STILL_PERIOD
-        self._joints = np.zeros(0)
-        self._is_base_old = False
+        self.reset()
 
     def next(
         self,
@@ -206,19 +232,23 @@ class TfFilter:
         """Take a state; the arguments are those of ``WholeStates.next``.
 
         Returns:
-            The parts of the previous state to send.
+            The parts to send of the previous state, or of one without a base.
         """
-        was_sample = self._whole_states.is_sample
-        whole = self._whole_states.next(state, now, commands, is_under_way, is_sample)
-        if whole is None:
+        if state.base_pose is None:
+            self._baseless = state
+            is_due = not 0 <= state.stamp - self._joints_stamp < JOINTS_PERIOD
+            return self._shown(state, is_due, False)
+        self._baseless = None
+        found = self._whole_states.next(state, now, commands, is_under_way, is_sample)
+        if found is None:
             return None, None
-        pose = whole.base_pose.tolist()
+        whole, pose = found.state, found.state.base_pose.tolist()
         is_due = self._is_due(whole, state) and self._throttle.is_near(pose)
         leaves = (is_due or self._is_base_old) and not self._throttle.is_near(
             state.base_pose.tolist()
         )
         with_base = self._throttle.passes(
-            1e-9 * whole.stamp, pose, was_sample or leaves
+            1e-9 * whole.stamp, pose, found.is_sample or leaves
         )
         return self._shown(whole, with_base or (is_due and not leaves), with_base)
 
@@ -228,17 +258,17 @@ class TfFilter:
         Returns:
             The parts of it to send that were not sent yet.
         """
-        delayed = self._whole_states.delayed
-        if delayed is None:
+        if self._baseless is not None:
+            return self._shown(self._baseless, True, False)
+        if self._whole_states.delayed is None:
             return None, None
-        with_base = self._throttle.settles(
-            1e-9 * delayed.stamp, delayed.base_pose.tolist()
-        )
-        return self._shown(delayed, True, with_base)
+        state = self._whole_states.delayed.state
+        with_base = self._throttle.settles(1e-9 * state.stamp, state.base_pose.tolist())
+        return self._shown(state, True, with_base)
 
-    def _shown(self, state: RobotState, wants_joints: bool, with_base: bool) -> Shown:
+    def _shown(self, state: RobotState, joints_due: bool, with_base: bool) -> Shown:
         """Record the parts of a state that are sent; joints are sent once."""
-        with_joints = wants_joints and state.stamp > self._joints_stamp
+        with_joints = joints_due and state.stamp != self._joints_stamp
         if with_joints:
             self._joints_stamp, self._joints = state.stamp, state.positions
             self._is_base_old = not with_base
@@ -252,22 +282,17 @@ class TfFilter:
         moved = (_differ(one.positions, self._joints) for one in (state, newer))
         return age >= STILL_PERIOD or any(moved)
 
-    def passes_without_base(self, stamp: int) -> bool:
-        """Decide on joint states at a time in [ns] whose base is unknown."""
-        is_due = not 0 <= stamp - self._joints_stamp < JOINTS_PERIOD
-        if is_due:
-            self._joints_stamp = stamp
-        return is_due
-
     def drop(self) -> None:
         """Forget the delayed state: the robot is gone."""
         self._whole_states.reset()
+        self._baseless: RobotState | None = None
 
     def reset(self) -> None:
         """Forget what was sent: time began again, or a listener is new."""
         self._throttle.reset()
-        self._whole_states.reset()
+        self.drop()
         self._joints_stamp = -STILL_PERIOD
+        self._joints = np.zeros(0)
         self._is_base_old = False
 
 

@@ -77,8 +77,8 @@ PACKAGES = {
 }
 """Modules that the nodes import, with their names for pip."""
 
-PIPELINE = {"clock", "tf", "tf_static", "link_states", "simulator_state", "joint_states"}
-PIPELINE |= {STATES, "set_model_configuration"}
+PIPELINE = {"clock", "tf", "tf_static", "link_states", "simulator_state"}
+PIPELINE |= {"joint_states", STATES, "set_model_configuration"}
 """Base names of the topics and services between the simulator and RViz."""
 
 DISPLAY = "roslaunch g1_description display.launch"
