@@ -4,8 +4,8 @@ Publishes: joint_states (sensor_msgs/JointState): for each state, with its stamp
     robot_state (g1_description/RobotState): the same with the base, and what is
     commanded; tf_joint_states (sensor_msgs/JointState): those that go to TF;
     /diagnostics (diagnostic_msgs/DiagnosticArray)
-Subscribes: <gazebo>/world_state (gazebo_msgs/WorldState) or, where there is none,
-    <gazebo>/link_states (gazebo_msgs/LinkStates); joint_commands
+Subscribes: <gazebo>/simulator_state (g1_description/SimulatorState) or, where there is
+    none, <gazebo>/link_states (gazebo_msgs/LinkStates); joint_commands
     (sensor_msgs/JointState), and the topics of motion_topics.MotionTopics
 Actions: <controller>/follow_joint_trajectory (control_msgs/FollowJointTrajectory)
 Broadcasts: map -> base_link, throttled; static world -> map, base_link -> the
