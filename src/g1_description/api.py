@@ -329,8 +329,7 @@ class Robot:
 
         kept = IkOptions.of("ik", options)
         begin, pose = self._start(start, base)
-        inverse = self._inverse_kinematics(kept.collisions)
-        return inverse.solve(targets, begin, pose, kept)
+        return self._inverse.solve(targets, begin, pose, kept)
 
     def ik_path(
         self,
@@ -361,9 +360,7 @@ class Robot:
 
         own, kept = as_numbers(times, "time"), IkOptions.of("ik_path", options)
         begin, pose = self._start(start, base)
-        return self._inverse_kinematics(kept.collisions).path(
-            own, targets, begin, pose, kept
-        )
+        return self._inverse.path(own, targets, begin, pose, kept)
 
     def _start(
         self, start: JointValues | None, base: Any
@@ -376,24 +373,13 @@ class Robot:
             )
         return begin, IDENTITY if base is None else one_pose(base)
 
-    def _inverse_kinematics(self, collisions: bool) -> InverseKinematics:
-        return self._inverse_apart if collisions else self._inverse
-
     @cached_property
     def _inverse(self) -> InverseKinematics:
         from g1_description.ik.inverse_kinematics import InverseKinematics
-        from g1_description.ik.solver import IkSolver
 
-        return InverseKinematics(self.description, IkSolver(self.description))
-
-    @cached_property
-    def _inverse_apart(self) -> InverseKinematics:
-        """That which keeps links apart."""
-        from g1_description.ik.inverse_kinematics import InverseKinematics
-        from g1_description.ik.solver import IkSolver
-
-        solver = IkSolver(self.description, self._usual_checker.collisions)
-        return InverseKinematics(self.description, solver)
+        return InverseKinematics(
+            self.description, lambda: self._usual_checker.collisions
+        )
 
     def inverse_dynamics(
         self,

@@ -167,6 +167,32 @@ def test_an_arm_stretches_towards_what_is_too_far(x, y):
     np.testing.assert_allclose(result.positions, wanted, rtol=0, atol=5e-3)
 
 
+class Wall:
+    """Keeps the frame of the last link at an x below that of a wall."""
+
+    def __init__(self, x):
+        self.x = x
+
+    def approach(self, jacobians):
+        place = jacobians.link_poses[-1, :3]
+        row = np.array([len(jacobians.link_poses) - 1])
+        rates = jacobians.of_points(row, place[np.newaxis])[:, 0]
+        return rates, np.array([self.x - place[0]])
+
+    def excess_message(self, excess):
+        return f"the tip is {1e3 * excess:.0f} mm behind the wall"
+
+
+def test_a_limit_of_ones_own_is_kept_as_far_as_possible():
+    arm, target = Robot(ARM), {"tip": [1.4, 0.3, 0.0]}
+    assert arm.ik(target).reached
+    kept = arm.ik(target, limits=[Wall(1.2)])
+    assert arm.link_poses(kept.positions)["tip"][0] < 1.2005
+    assert not kept.reached
+    beyond = arm.ik({}, limits=[Wall(-2.0)])
+    assert "mm behind the wall" in beyond.message
+
+
 def test_an_arm_stops_at_its_limits():
     result = Robot(ARM).ik({"tip": [-1.5, 0.0, 0.0]}, [0.1, 0.1])
     assert not result.reached

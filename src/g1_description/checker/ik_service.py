@@ -15,7 +15,6 @@ from sensor_msgs.msg import JointState
 from g1_description.collisions.self_collisions import SelfCollisions
 from g1_description.errors import G1DescriptionError, InvalidValueError
 from g1_description.ik.inverse_kinematics import IkOptions, InverseKinematics
-from g1_description.ik.solver import IkSolver
 from g1_description.robot.arrays import as_array
 from g1_description.robot.description import Description
 from g1_description.robot.poses import ZERO, Pose, pose_positions
@@ -49,12 +48,10 @@ class IkService:
             present: Returns the state of the robot; None if it is unknown.
             frame: Transforms targets to the map.
         """
-        self._robot, self._make_collisions = robot, make_collisions
         self._present, self._frame = present, frame
         self._names = tuple(joint.name for joint in robot.movable_joints)
         self._neutral = pose_positions(Pose(ZERO), robot)
-        self._inverse = InverseKinematics(robot, IkSolver(robot))
-        self._collisions: InverseKinematics | None = None
+        self._inverse = InverseKinematics(robot, make_collisions)
         self._lock = threading.Lock()
         rospy.Service("~solve_ik", SolveIK, self._solve)
 
@@ -75,13 +72,7 @@ class IkService:
                 collisions=request.avoid_collisions,
                 base_motion=motion,
             )
-            if request.avoid_collisions:
-                with self._lock:
-                    if self._collisions is None:
-                        solver = IkSolver(self._robot, self._make_collisions())
-                        self._collisions = InverseKinematics(self._robot, solver)
-                    found = self._collisions.solve(targets, positions, base, options)
-            else:
+            with self._lock:
                 found = self._inverse.solve(targets, positions, base, options)
         except G1DescriptionError as error:
             return SolveIKResponse(status_message=str(error))

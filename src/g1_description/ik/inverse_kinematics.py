@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from itertools import islice
 from typing import Any, NamedTuple
 
@@ -12,7 +13,16 @@ import numpy as np
 
 from g1_description.bounds import NORM_TOLERANCE
 from g1_description.checks.support import Corners, support_polygon
+from g1_description.collisions.self_collisions import SelfCollisions
 from g1_description.errors import InvalidValueError, UnknownNameError
+from g1_description.ik.limits import (
+    BalanceLimit,
+    DistanceLimit,
+    FloorLimit,
+    Limit,
+    Part,
+    link_parts,
+)
 from g1_description.ik.search import STARTS, descend, last, search
 from g1_description.ik.solver import (
     HARD,
@@ -105,6 +115,9 @@ class IkOptions:
     points: Mapping[str, Any] | None = None
     """Points of links that are brought to their targets, x y z in the frame of the
     link; by default its origin."""
+
+    limits: Sequence[Limit] = ()
+    """Further limits; see ``ik.limits.Limit``."""
 
     def __post_init__(self) -> None:
         """Refuse what is no boolean: any number would count as True.
@@ -200,14 +213,20 @@ class _Problem:
 class InverseKinematics:
     """Inverse kinematics of one robot."""
 
-    def __init__(self, description: Description, solver: IkSolver) -> None:
+    def __init__(
+        self,
+        description: Description,
+        make_collisions: Callable[[], SelfCollisions] | None = None,
+    ) -> None:
         """Prepare a robot.
 
         Args:
             description: The robot.
-            solver: Of the same robot.
+            make_collisions: Prepares its self-collisions, which may take seconds, when
+                they are to be avoided for the first time; None: they never are.
         """
-        self._description, self._solver = description, solver
+        self._description, self._make_collisions = description, make_collisions
+        self._solver = IkSolver(description)
         joints = description.movable_joints
         self._lower = np.array([joint.lower for joint in joints])
         self._upper = np.array([joint.upper for joint in joints])
@@ -346,9 +365,8 @@ class InverseKinematics:
                 lower=np.maximum(self._lower, now.position - reach),
                 upper=np.minimum(self._upper, now.position + reach),
             )
-            view, steps = descend(
-                self._solver, self._solver.view(now, tasks, bounds), posture, PATH_STEPS
-            )
+            first_view = self._solver.view(now, tasks, bounds)
+            view, steps = last(descend(self._solver, first_view, posture, PATH_STEPS))
             results.append(self._result(replace(first, tasks=tasks), view, steps))
         motion = Motion(
             times,
@@ -378,18 +396,30 @@ class InverseKinematics:
             )
         if self._description.root == WORLD:
             base_motion = "fixed"
+        limits: list[Limit] = []
+        if options.balance:
+            support = self._support(stays, moved)
+            limits.append(BalanceLimit(self._solver.masses, support, BALANCE_MARGIN))
+        floor = _height(options.floor, start)
+        if floor is not None:
+            limits.append(FloorLimit(self._parts, floor, held.values()))
+        if options.collisions:
+            limits.append(self._distance_limit)
+        base_freedom = BASES[base_motion]
         bounds = IkConstraints(
-            self._lower,
-            self._upper,
-            BASES[base_motion],
-            self._support(stays, moved) if options.balance else None,
-            BALANCE_MARGIN,
-            _height(options.floor, start),
-            [n for n in range(len(self.links)) if n not in held.values()],
-            DISTANCE if options.collisions else None,
+            self._lower, self._upper, base_freedom, [*limits, *options.limits]
         )
         tasks = {**stays, **moved}
         return _Problem(start, tuple(tasks), tuple(tasks.values()), bounds)
+
+    @cached_property
+    def _parts(self) -> list[Part]:
+        return link_parts(self._description)
+
+    @cached_property
+    def _distance_limit(self) -> DistanceLimit:
+        assert self._make_collisions is not None
+        return DistanceLimit(self._description, self._make_collisions(), DISTANCE)
 
     def _configuration(self, positions: np.ndarray, base: np.ndarray) -> Configuration:
         """Place the root, and joints within their limits."""
@@ -495,15 +525,11 @@ class InverseKinematics:
             for name, error in errors.items()
             if error.position > TOLERANCE[0] or (error.rotation or 0.0) > TOLERANCE[1]
         ]
-        if view.imbalance > TOLERANCE[0]:
-            far.append(
-                f"the centre of mass is {1e3 * view.imbalance:.0f} mm outside of what "
-                "supports the robot"
-            )
-        if view.depth > TOLERANCE[0]:
-            far.append(f"a link is {1e3 * view.depth:.0f} mm below the floor")
-        if view.overlap > TOLERANCE[0]:
-            far.append(f"links are {1e3 * view.overlap:.0f} mm too near to each other")
+        far += [
+            limit.excess_message(excess)
+            for limit, excess in zip(problem.bounds.limits, view.excesses)
+            if excess > TOLERANCE[0]
+        ]
         if far and view.is_stuck:
             far.append("the search ended early, as the solver found no further step")
         message = f"Not reached: {'; '.join(far)}." if far else ""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -12,6 +11,7 @@ from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 
 from g1_description.errors import InvalidValueError
 from g1_description.ik.inverse_kinematics import IkOptions, InverseKinematics
+from g1_description.ik.search import last
 from g1_description.ik.solver import TOLERANCE
 from g1_description.motion.motion import Motion
 from g1_description.robot.assembly import root_in_base
@@ -80,7 +80,7 @@ def keyframe_motion(
     Raises:
         InvalidValueError: If there are fewer than two, or times do not increase.
     """
-    made = deque(keyframe_pieces(robot, inverse, feet, keyframes, way), maxlen=1).pop()
+    made = last(keyframe_pieces(robot, inverse, feet, keyframes, way))
     assert made is not None
     return made
 

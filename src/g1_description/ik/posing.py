@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections import deque
 from collections.abc import Callable, Iterator
 from typing import Tuple
 
@@ -16,7 +15,7 @@ from g1_description.ik.inverse_kinematics import (
     IkResult,
     InverseKinematics,
 )
-from g1_description.ik.solver import IkSolver
+from g1_description.ik.search import last
 from g1_description.motion.edit import projected
 from g1_description.motion.mirror import mirrored
 from g1_description.motion.motion import Motion, configuration
@@ -72,9 +71,10 @@ class Posing:
         self._names = tuple(joint.name for joint in description.movable_joints)
         self._kinematics = Kinematics(description)
         self._T_base_root = root_in_base(description)
-        self.inverse = InverseKinematics(description, IkSolver(description))
-        """Inverse kinematics of the robot, without collisions."""
-        self._apart: InverseKinematics | None = None
+        self.inverse = InverseKinematics(description)
+        """Inverse kinematics of the robot."""
+        self.is_prepared = False
+        """Whether collisions can be avoided."""
         self.roles = roles_of(description)
         """Links to be dragged by role."""
         centers = {
@@ -108,14 +108,8 @@ class Posing:
 
     def prepare(self, shapes: SelfCollisions) -> None:
         """Take the self-collisions to avoid."""
-        self._apart = InverseKinematics(
-            self._description, IkSolver(self._description, shapes)
-        )
-
-    @property
-    def is_prepared(self) -> bool:
-        """Whether collisions can be avoided."""
-        return self._apart is not None
+        self.inverse = InverseKinematics(self._description, lambda: shapes)
+        self.is_prepared = True
 
     @property
     def stands(self) -> bool:
@@ -188,7 +182,7 @@ class Posing:
         Raises:
             InvalidValueError: If the state of the robot is unknown.
         """
-        found = deque(self.search(name, target, point), maxlen=1).pop()
+        found = last(self.search(name, target, point))
         self.follow(found)
         return found
 
@@ -216,8 +210,7 @@ class Posing:
             base_motion="free",
             points={} if point is None else {name: point},
         )
-        inverse = (self._apart if options.collisions else None) or self.inverse
-        return inverse.pieces(
+        return self.inverse.pieces(
             {name: target}, *self._begin, options, 1, self._now, STEPS
         )
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-from typing import Tuple
+from typing import Tuple, TypeVar
 
 import numpy as np
 
@@ -62,13 +62,13 @@ def search(
         After each step, the best configuration so far; at last the first one within the
         tolerance, or else the best one.
     """
-    for best, steps in _descend(solver, solver.view(start, tasks, bounds), posture):
+    for best, steps in descend(solver, solver.view(start, tasks, bounds), posture):
         yield best, steps
     for begin in _starts(best, start, starts - 1):
         if best.badness <= 1.0:
             return
         view = solver.view(begin, tasks, bounds)
-        for found, more in _descend(solver, view, posture):
+        for found, more in descend(solver, view, posture):
             yield min(best, found, key=_cost), steps + more
         best, steps = min(best, found, key=_cost), steps + more
     if best.badness > 1.0:
@@ -76,14 +76,17 @@ def search(
             yield settled, steps + more
 
 
-def last(found: Iterator[Found]) -> Found:
-    """Search to the end."""
-    return deque(found, maxlen=1).pop()
+Item = TypeVar("Item")
+
+
+def last(items: Iterable[Item]) -> Item:
+    """Return the last item; there is one."""
+    return deque(items, maxlen=1).pop()
 
 
 def descend(
-    solver: IkSolver, view: Linearization, posture: np.ndarray, most: int
-) -> Found:
+    solver: IkSolver, view: Linearization, posture: np.ndarray, most: int = MAX_STEPS
+) -> Iterator[Found]:
     """Step from one configuration until nothing improves.
 
     The cost may rise for some steps: links that are held move on an arc at first.
@@ -94,16 +97,10 @@ def descend(
         posture: As for ``search``.
         most: Most steps.
 
-    Returns:
-        The best configuration, and the number of steps.
+    Yields:
+        At the beginning and after each step, the best configuration so far, and the
+        number of steps.
     """
-    return last(_descend(solver, view, posture, most))
-
-
-def _descend(
-    solver: IkSolver, view: Linearization, posture: np.ndarray, most: int = MAX_STEPS
-) -> Iterator[Found]:
-    """Yield what ``descend`` has at the beginning, and after each step."""
     best, steps, since = view, 0, 0
     yield best, steps
     while best.badness > FINE and since < PATIENCE and steps < most:

@@ -17,9 +17,7 @@ from typing import NamedTuple
 import daqp
 import numpy as np
 
-from g1_description.checks.support import Corners
-from g1_description.collisions.self_collisions import SelfCollisions
-from g1_description.robot.assembly import WORLD
+from g1_description.ik.limits import Approach, Limit
 from g1_description.robot.description import Description
 from g1_description.robot.dynamics import Masses
 from g1_description.robot.jacobians import Jacobians
@@ -32,7 +30,6 @@ from g1_description.robot.rotation import (
     rotate,
     to_rotation_vector,
 )
-from g1_description.sim.standing import outlines
 
 TOLERANCE = np.array([1e-3, np.radians(0.5)])
 """Errors of a task that is reached, in [m] and [rad]."""
@@ -48,9 +45,6 @@ LEAST_DAMPING = 1e-5
 
 POSTURE = 3e-4
 """Weight of the posture, against those of tasks."""
-
-INFLUENCE = 0.03
-"""Distance from which on links slow down towards each other, in [m]."""
 
 UNBOUNDED = 1e30
 """As the solver wants infinity."""
@@ -105,20 +99,8 @@ class IkConstraints:
     base: np.ndarray = field(default_factory=lambda: np.ones(6))
     """1 where the root may move along and turn about the world's axes, shape (6,)."""
 
-    support: Corners | None = None
-    """Polygon in which the centre of mass must be; None: anywhere."""
-
-    margin: float = 0.0
-    """Least distance of the centre of mass from its edges, in [m]."""
-
-    floor: float | None = None
-    """Height of the floor, in [m]; None: there is none."""
-
-    above_floor: Sequence[int] = ()
-    """Rows of the links that must be above it."""
-
-    distance: float | None = None
-    """Least distance of links from each other, in [m]; None: any."""
+    limits: Sequence[Limit] = ()
+    """What must not come nearer than it may, such as the centre of mass to an edge."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,18 +119,8 @@ class Linearization:
     """By how much the links of tasks must move and turn along the world's axes, in [m]
     and [rad], shape (n_tasks, 6); 0 where free."""
 
-    rates: np.ndarray
-    """Of the centre of mass towards edges of its polygon, of links towards the floor
-    and towards each other, by the velocities, shape (n, 6 + n_joints)."""
-
-    room: np.ndarray
-    """By how much these may approach, in [m], negative beyond, shape (n,)."""
-
-    n_edges: int
-    """Number of edges of the polygon, which come first."""
-
-    n_low: int
-    """Number of links near the floor, which come next."""
+    approaches: Sequence[Approach]
+    """Rates and room of each limit."""
 
     is_stuck: bool = False
     """Whether the solver found no step from here."""
@@ -159,58 +131,33 @@ class Linearization:
         parts = self.displacements.reshape(-1, 2, 3)
         return np.asarray(np.linalg.norm(parts, axis=-1))
 
-    @property
-    def imbalance(self) -> float:
-        """By how much the centre of mass is outside of its polygon, in [m]."""
-        return float(max(0.0, -self.room[: self.n_edges].min(initial=0.0)))
-
-    @property
-    def depth(self) -> float:
-        """By how much links are below the floor, in [m]."""
-        room = self.room[self.n_edges : self.n_edges + self.n_low]
-        return float(max(0.0, -room.min(initial=0.0)))
-
-    @property
-    def overlap(self) -> float:
-        """By how much links are too near to each other, in [m]."""
-        room = self.room[self.n_edges + self.n_low :]
-        return float(max(0.0, -room.min(initial=0.0)))
+    @cached_property
+    def excesses(self) -> list[float]:
+        """By how much each limit is exceeded, in [m]."""
+        return [float(-room.min(initial=0.0)) for _, room in self.approaches]
 
     @property
     def cost(self) -> float:
         """Sum of squared errors, which steps reduce."""
         weights = np.array([task.weights for task in self.tasks]).reshape(-1, 6)
         squares = (weights * self.displacements) ** 2
-        excess = self.imbalance**2 + self.depth**2 + self.overlap**2
+        excess = sum(one**2 for one in self.excesses)
         return float(squares.sum()) + HARD**2 * excess
 
     @property
     def badness(self) -> float:
         """Largest error as a multiple of the tolerance; 1 or less: all is reached."""
-        beyond = max(self.imbalance, self.depth, self.overlap) / TOLERANCE[0]
+        beyond = max(self.excesses, default=0.0) / TOLERANCE[0]
         return max(float((self.errors / TOLERANCE).max(initial=0.0)), beyond)
 
 
 class IkSolver:
     """Steps of a robot with one tree towards tasks."""
 
-    def __init__(
-        self, description: Description, collisions: SelfCollisions | None = None
-    ) -> None:
-        """Prepare a robot.
-
-        Args:
-            description: The robot.
-            collisions: Its self-collisions, where distances are to be kept.
-        """
+    def __init__(self, description: Description) -> None:
+        """Prepare a robot."""
         self.kinematics = Kinematics(description)
         self.masses = Masses(description)
-        self._links = [link for link in description.links if link.name != WORLD]
-        self._collisions = collisions
-        if collisions is not None:
-            names = [name for name in description.link_names if name != WORLD]
-            rows = [[names.index(name) for name in pair] for pair in collisions.pairs]
-            self._pairs = np.array(rows, dtype=int).reshape(-1, 2)
 
     def view(
         self, now: Configuration, tasks: Sequence[LinkTask], bounds: IkConstraints
@@ -225,87 +172,10 @@ class IkSolver:
         moves = [wanted[:, :3] - points, to_rotation_vector(turns)]
         free = np.array([task.weights for task in tasks]).reshape(-1, 6) == 0.0
         displacements = np.where(free, 0.0, np.concatenate(moves, axis=-1))
-        n_columns = 6 + len(now.position)
-        parts = [(np.zeros((0, n_columns)), np.zeros(0))]
-        if bounds.support is not None:
-            parts.append(self._balance(bounds.support, bounds.margin, jacobians))
-        n_edges = sum(len(room) for _, room in parts)
-        if bounds.floor is not None:
-            parts.append(self._heights(bounds.floor, bounds.above_floor, jacobians))
-        n_low = sum(len(room) for _, room in parts) - n_edges
-        if bounds.distance is not None:
-            parts.append(self._approaches(bounds.distance, jacobians))
-        rates, room = (np.concatenate(part) for part in zip(*parts))
+        approaches = [limit.approach(jacobians) for limit in bounds.limits]
         return Linearization(
-            now,
-            tasks,
-            bounds,
-            jacobians,
-            points,
-            displacements,
-            rates,
-            room,
-            n_edges,
-            n_low,
+            now, tasks, bounds, jacobians, points, displacements, approaches
         )
-
-    def _balance(
-        self, support: Corners, margin: float, jacobians: Jacobians
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Compute rates and room of the centre of mass towards the edges."""
-        corners = np.array(support)
-        edges = np.roll(corners, -1, axis=0) - corners
-        normals = np.stack([edges[:, 1], -edges[:, 0]], axis=1)
-        normals /= np.linalg.norm(normals, axis=1)[:, np.newaxis]
-        center = self.masses.robot_center(jacobians.link_poses)[:2]
-        rates = normals @ jacobians.of_center_of_mass(self.masses)[:2]
-        return rates, ((corners - center) * normals).sum(axis=1) - margin
-
-    @cached_property
-    def _outlines(self) -> list[list[tuple[np.ndarray, np.ndarray]]]:
-        """Points around each link in its frame, and the radii around them, by octant.
-
-        With only the lowest point of all, steps would rock a foot from heel to toe.
-        """
-        found = []
-        for link in self._links:
-            points, radii = outlines(link)
-            octants = (points > points.mean(axis=0)) @ [1, 2, 4]
-            each = [octants == number for number in np.unique(octants)]
-            found.append([(points[one], radii[one]) for one in each])
-        return found
-
-    def _heights(
-        self, floor: float, links: Sequence[int], jacobians: Jacobians
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Compute rates and room of links towards the floor."""
-        rows, lowest, room = [], [], []
-        for row in links:
-            pose = jacobians.link_poses[row]
-            up = rotate(conjugate(pose[3:]), np.array([0.0, 0.0, 1.0]))
-            for points, radii in self._outlines[row]:
-                heights = pose[2] + points @ up - radii
-                point = int(np.argmin(heights))
-                if heights[point] < floor + INFLUENCE:
-                    rows.append(row)
-                    lowest.append(pose[:3] + rotate(pose[3:], points[point]))
-                    room.append(heights[point] - floor)
-        places = np.array(lowest).reshape(-1, 3)
-        rates = -jacobians.of_points(np.array(rows, dtype=int), places)[:, 2]
-        return rates, np.array(room)
-
-    def _approaches(
-        self, distance: float, jacobians: Jacobians
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Compute rates and room of links towards each other."""
-        assert self._collisions is not None
-        poses = jacobians.link_poses[np.newaxis]
-        found = self._collisions.contacts(poses, distance + INFLUENCE)
-        first, second = self._pairs[found.pair].T
-        rates = jacobians.of_points(first, found.points_a)
-        rates -= jacobians.of_points(second, found.points_b)
-        rates = (found.normal[:, np.newaxis] @ rates)[:, 0]
-        return rates, found.distance - distance
 
     def step(
         self, view: Linearization, posture: np.ndarray, damping: float
@@ -325,7 +195,8 @@ class IkSolver:
         weights = np.array([task.weights for task in tasks]).reshape(-1, 6)
         wanted = (weights * view.displacements).ravel()
         matrix = view.jacobians.of_links([task.link for task in tasks], view.points)
-        matrix = (weights[..., np.newaxis] * matrix).reshape(len(wanted), -1)
+        columns = matrix.shape[-1]
+        matrix = (weights[..., np.newaxis] * matrix).reshape(len(wanted), columns)
         hessian, gradient = matrix.T @ matrix, -matrix.T @ wanted
         every = np.arange(len(gradient))
         joints = every[6:]
@@ -335,14 +206,16 @@ class IkSolver:
         root = LARGEST_STEP * bounds.base
         lower = np.maximum(bounds.lower - now.position, -LARGEST_STEP)
         upper = np.minimum(bounds.upper - now.position, LARGEST_STEP)
-        least = np.full(len(view.room), -UNBOUNDED)
+        approaches = [(np.zeros((0, len(gradient))), np.zeros(0)), *view.approaches]
+        rates, room = (np.concatenate(part) for part in zip(*approaches))
+        least = np.full(len(room), -UNBOUNDED)
         sense = np.zeros(len(gradient) + len(least), dtype=np.int32)
         sense[len(gradient) :] = SOFT
         step, _, flag, _ = daqp.solve(
             hessian,
             gradient,
-            view.rates,
-            np.concatenate([root, upper, view.room]),
+            rates,
+            np.concatenate([root, upper, room]),
             np.concatenate([-root, lower, least]),
             sense,
         )

@@ -1,0 +1,169 @@
+"""Limits of inverse kinematics: what must not come nearer than it may.
+
+A limit has quantities, such as the distance of the centre of mass from an edge. Steps
+of the solver let each shrink by no more than there is of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from typing import NamedTuple, Protocol, Tuple
+
+import numpy as np
+
+from g1_description.checks.support import Corners
+from g1_description.collisions.self_collisions import SelfCollisions
+from g1_description.robot.assembly import WORLD
+from g1_description.robot.description import Description
+from g1_description.robot.dynamics import Masses
+from g1_description.robot.jacobians import Jacobians
+from g1_description.robot.rotation import conjugate, rotate
+from g1_description.sim.standing import outlines
+
+INFLUENCE = 0.03
+"""Distance from which on links slow down towards the floor and each other, in [m]."""
+
+Approach = Tuple[np.ndarray, np.ndarray]
+"""Rates of quantities towards their limits by the velocities of the root, along and
+about the world's axes, and of joints, shape (n, 6 + n_joints), and by how much they may
+still go, in [m], negative beyond the limit, shape (n,)."""
+
+
+class Limit(Protocol):
+    """A limit that configurations keep, as far as other limits allow."""
+
+    def approach(self, jacobians: Jacobians) -> Approach:
+        """Linearize the quantities at a configuration; any number of them."""
+
+    def excess_message(self, excess: float) -> str:
+        """Describe how far a configuration is beyond the limit, given in [m]."""
+
+
+class BalanceLimit:
+    """Keeps the centre of mass above a polygon, a margin from its edges."""
+
+    def __init__(self, masses: Masses, support: Corners, margin: float) -> None:
+        """Prepare a polygon.
+
+        Args:
+            masses: Of the robot.
+            support: Corners of the polygon, counterclockwise, in the world, in [m].
+            margin: Least distance from its edges, in [m].
+        """
+        self._masses, self._margin = masses, margin
+        self._corners = np.array(support)
+        edges = np.roll(self._corners, -1, axis=0) - self._corners
+        normals = np.stack([edges[:, 1], -edges[:, 0]], axis=1)
+        self._normals = normals / np.linalg.norm(normals, axis=1)[:, np.newaxis]
+
+    def approach(self, jacobians: Jacobians) -> Approach:
+        """Linearize the distances of the centre of mass from the edges."""
+        center = self._masses.robot_center(jacobians.link_poses)[:2]
+        rates = self._normals @ jacobians.of_center_of_mass(self._masses)[:2]
+        distances = ((self._corners - center) * self._normals).sum(axis=1)
+        return rates, distances - self._margin
+
+    def excess_message(self, excess: float) -> str:
+        """Describe how far it is from where it must be, in [m]."""
+        return (
+            f"the centre of mass is {1e3 * excess:.0f} mm outside of what supports the "
+            "robot"
+        )
+
+
+class Part(NamedTuple):
+    """Points of a link that a floor meets, in its frame."""
+
+    row: int
+    """That of the link, as in ``Jacobians``."""
+
+    points: np.ndarray
+    """In [m], shape (n, 3)."""
+
+    radii: np.ndarray
+    """Around the points, in [m], shape (n,)."""
+
+
+def link_parts(description: Description) -> list[Part]:
+    """Split the outline of each link by octants.
+
+    With only the lowest point of a link, steps would rock a foot from heel to toe.
+    """
+    parts = []
+    links = [link for link in description.links if link.name != WORLD]
+    for row, link in enumerate(links):
+        points, radii = outlines(link)
+        octants = (points > points.mean(axis=0)) @ [1, 2, 4]
+        each = [octants == number for number in np.unique(octants)]
+        parts += [Part(row, points[one], radii[one]) for one in each]
+    return parts
+
+
+class FloorLimit:
+    """Keeps links above the floor."""
+
+    def __init__(
+        self, parts: Sequence[Part], floor: float, but_for: Collection[int] = ()
+    ) -> None:
+        """Prepare the points of a robot's links.
+
+        Args:
+            parts: Those of ``link_parts``.
+            floor: Height of the floor in the world, in [m].
+            but_for: Rows of links that may be below it.
+        """
+        self._floor = floor
+        self._parts = [part for part in parts if part.row not in but_for]
+
+    def approach(self, jacobians: Jacobians) -> Approach:
+        """Linearize the heights of the lowest points near the floor."""
+        rows, lowest, room = [], [], []
+        for row, points, radii in self._parts:
+            pose = jacobians.link_poses[row]
+            up = rotate(conjugate(pose[3:]), np.array([0.0, 0.0, 1.0]))
+            heights = pose[2] + points @ up - radii
+            point = int(np.argmin(heights))
+            if heights[point] < self._floor + INFLUENCE:
+                rows.append(row)
+                lowest.append(pose[:3] + rotate(pose[3:], points[point]))
+                room.append(heights[point] - self._floor)
+        places = np.array(lowest).reshape(-1, 3)
+        rates = -jacobians.of_points(np.array(rows, dtype=int), places)[:, 2]
+        return rates, np.array(room)
+
+    def excess_message(self, excess: float) -> str:
+        """Describe the depth of the lowest link, in [m]."""
+        return f"a link is {1e3 * excess:.0f} mm below the floor"
+
+
+class DistanceLimit:
+    """Keeps links away from each other."""
+
+    def __init__(
+        self, description: Description, collisions: SelfCollisions, distance: float
+    ) -> None:
+        """Prepare the pairs of links.
+
+        Args:
+            description: The robot.
+            collisions: Its self-collisions.
+            distance: Least distance of links that may collide, in [m].
+        """
+        self._collisions, self._distance = collisions, distance
+        names = [name for name in description.link_names if name != WORLD]
+        rows = [[names.index(name) for name in pair] for pair in collisions.pairs]
+        self._pairs = np.array(rows, dtype=int).reshape(-1, 2)
+
+    def approach(self, jacobians: Jacobians) -> Approach:
+        """Linearize the distances of near links."""
+        poses = jacobians.link_poses[np.newaxis]
+        found = self._collisions.contacts(poses, self._distance + INFLUENCE)
+        first, second = self._pairs[found.pair].T
+        rates = jacobians.of_points(first, found.points_a)
+        rates -= jacobians.of_points(second, found.points_b)
+        rates = (found.normal[:, np.newaxis] @ rates)[:, 0]
+        return rates, found.distance - self._distance
+
+    def excess_message(self, excess: float) -> str:
+        """Describe what is missing between the nearest links, in [m]."""
+        return f"links are {1e3 * excess:.0f} mm too near to each other"
