@@ -121,10 +121,6 @@ class DirectPublisher(rospy.SubscribeListener):
         """Return the number of subscribers."""
         return self._publisher.get_num_connections()
 
-    def is_heard_by(self, node: str) -> bool:
-        """Return whether a node, given by its full name, has connected."""
-        return self._publisher.impl.has_connection(node)
-
     def publish(self, message) -> None:
         """Send a message to all subscribers with room, queue it for the others."""
         with self._lock:
