@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import sys
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, fields
@@ -194,6 +195,11 @@ def parse(
     except InvalidValueError as error:
         reader.error(str(error).rstrip("."))
         raise
+
+
+def own_arguments() -> list[str]:
+    """Return this program's arguments without ROS' remappings."""
+    return [word for word in sys.argv[1:] if ":=" not in word]
 
 
 def say(text: str, stream: TextIO | None = None) -> None:

@@ -51,7 +51,7 @@ from g1_description.cli.motion_paths import (
 )
 from g1_description.cli.progress import Printer
 from g1_description.cli.start import INTERRUPTED
-from g1_description.command_line import number, option, parse, say
+from g1_description.command_line import number, option, own_arguments, parse, say
 from g1_description.errors import ClusterError, G1DescriptionError, InvalidValueError
 from g1_description.motion import selection as selections
 from g1_description.motion.files.formats import ENDINGS
@@ -60,7 +60,6 @@ from g1_description.motion.paths import split
 from g1_description.motion.selection import Selection
 from g1_description.render.page_data import motion_data
 from g1_description.robot.launch_arguments import ENGINES
-from g1_description.ros.lifecycle import own_arguments
 from g1_description.text import listed, similar_first
 
 MISUSE = 2

@@ -40,7 +40,7 @@ from g1_description.cli.motion_paths import MotionFiles, motion_files, unmatched
 from g1_description.cli.motion_places import is_merged, places_of
 from g1_description.cli.progress import Printer
 from g1_description.cli.start import INTERRUPTED
-from g1_description.command_line import OneSentenceParser, parse, say
+from g1_description.command_line import OneSentenceParser, own_arguments, parse, say
 from g1_description.errors import (
     G1DescriptionError,
     InvalidValueError,
@@ -61,7 +61,6 @@ from g1_description.motion.motion import Motion
 from g1_description.motion.paths import split
 from g1_description.motion.selection import Selection
 from g1_description.robot.description import Description
-from g1_description.ros.lifecycle import own_arguments
 from g1_description.text import listed
 
 JITTER = 1e-3

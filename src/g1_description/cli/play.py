@@ -17,7 +17,15 @@ import numpy as np
 import rospy
 
 from g1_description.cli import options
-from g1_description.command_line import argument, number, option, parse, say, within
+from g1_description.command_line import (
+    argument,
+    number,
+    option,
+    own_arguments,
+    parse,
+    say,
+    within,
+)
 from g1_description.errors import (
     G1DescriptionError,
     InvalidValueError,
@@ -29,7 +37,7 @@ from g1_description.motion.files.source import ReadOptions
 from g1_description.motion.motion import Motion
 from g1_description.motion.paths import absent, split
 from g1_description.robot.transform import IDENTITY
-from g1_description.ros.lifecycle import own_arguments, start_node
+from g1_description.ros.lifecycle import start_node
 from g1_description.ros.map_frame import MapFrame
 from g1_description.ros.playing import Session
 from g1_description.ros.robot_view import RobotView

@@ -15,7 +15,14 @@ import rospy
 from sensor_msgs.msg import JointState
 
 from g1_description.cli import options
-from g1_description.command_line import argument, option, parse, say, within
+from g1_description.command_line import (
+    argument,
+    option,
+    own_arguments,
+    parse,
+    say,
+    within,
+)
 from g1_description.errors import G1DescriptionError, InvalidValueError, PoseFileError
 from g1_description.motion.edit import minimum_jerk_trajectory
 from g1_description.robot.description import Description
@@ -34,7 +41,7 @@ from g1_description.robot.poses import (
 )
 from g1_description.robot.profile import DEFAULT
 from g1_description.robot.state import RobotState
-from g1_description.ros.lifecycle import own_arguments, quiet_when_closing, start_node
+from g1_description.ros.lifecycle import quiet_when_closing, start_node
 from g1_description.ros.parameters import DESCRIPTION, find_parameter, read_robot
 from g1_description.ros.robot_view import STANDS_STILL, RobotView
 from g1_description.ros.waiting import NoAnswerError

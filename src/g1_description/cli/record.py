@@ -25,6 +25,7 @@ from g1_description.command_line import (
     MAX_FPS,
     argument,
     option,
+    own_arguments,
     parse,
     positive,
     say,
@@ -34,7 +35,7 @@ from g1_description.errors import G1DescriptionError, InvalidValueError
 from g1_description.motion.files.conventions import known_velocities
 from g1_description.robot.description import Description
 from g1_description.ros.history import fetch_history
-from g1_description.ros.lifecycle import handle_signals, own_arguments, start_node
+from g1_description.ros.lifecycle import handle_signals, start_node
 from g1_description.ros.robot_view import wait_for_description
 from g1_description.ros.waiting import NoAnswerError, wait_until
 

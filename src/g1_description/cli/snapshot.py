@@ -35,7 +35,7 @@ from g1_description.cli.film import (
     write_video,
 )
 from g1_description.cli.options import MODEL
-from g1_description.command_line import argument, number, option, parse
+from g1_description.command_line import argument, number, option, own_arguments, parse
 from g1_description.errors import (
     G1DescriptionError,
     InvalidValueError,
@@ -54,7 +54,7 @@ from g1_description.robot.load import read_description
 from g1_description.robot.poses import check_limits
 from g1_description.robot.profile import DEFAULT
 from g1_description.robot.transform import IDENTITY
-from g1_description.ros.lifecycle import no_master, own_arguments, start_node
+from g1_description.ros.lifecycle import no_master, start_node
 from g1_description.ros.robot_view import RobotView
 from g1_description.ros.waiting import NoAnswerError, wait_until
 from g1_description.text import listed, similar_first

@@ -19,14 +19,20 @@ from g1_description.checks.thresholds_file import read_thresholds
 from g1_description.cli import options
 from g1_description.cli.motion_paths import motion_files
 from g1_description.collisions.find_pairs import collisions_of
-from g1_description.command_line import argument, option, parse, say, within
+from g1_description.command_line import (
+    argument,
+    option,
+    own_arguments,
+    parse,
+    say,
+    within,
+)
 from g1_description.errors import G1DescriptionError, InvalidValueError
 from g1_description.motion.files.formats import read_motion
 from g1_description.motion.files.source import ReadOptions
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.robot.load import read_description
-from g1_description.ros.lifecycle import own_arguments
 from g1_description.web.file_world import FileWorld, StillRobot
 from g1_description.web.library import REPORTS, Library
 from g1_description.web.server.address import ServerOptions

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 
 from g1_description.errors import InvalidValueError
 from g1_description.ik.inverse_kinematics import IkOptions, InverseKinematics
@@ -204,6 +203,8 @@ def _interpolated(values: np.ndarray, ends: np.ndarray, way: str) -> np.ndarray:
 
     Source of the polynomial: Flash and Hogan, J. Neurosci. 5, 1985.
     """
+    from scipy.interpolate import CubicHermiteSpline, PchipInterpolator  # slow
+
     samples = np.arange(ends[-1] + 1)
     if way == STOP:
         row = np.clip(np.searchsorted(ends, samples, "right") - 1, 0, len(ends) - 2)

@@ -114,8 +114,3 @@ def quiet_when_closing():
     except rospy.ROSException:
         if not rospy.core.is_shutdown_requested():
             raise
-
-
-def own_arguments() -> list[str]:
-    """Return this program's arguments without ROS' remappings."""
-    return rospy.myargv(sys.argv)[1:]

@@ -8,9 +8,9 @@ import sys
 
 import rospy
 
-from g1_description.command_line import Ignored, OneSentenceParser
+from g1_description.command_line import Ignored, OneSentenceParser, own_arguments
 from g1_description.files.model_files import share_folder
-from g1_description.ros.lifecycle import at_shutdown, own_arguments, start_node
+from g1_description.ros.lifecycle import at_shutdown, start_node
 
 NODE = "gazebo_gui"
 

@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 
 import rospy
 
-from g1_description.command_line import Ignored, OneSentenceParser
+from g1_description.command_line import Ignored, OneSentenceParser, own_arguments
 from g1_description.files.model_files import (
     RESOURCE_PATH,
     resource_folders,
@@ -18,7 +18,6 @@ from g1_description.files.model_files import (
 )
 from g1_description.gazebo.programs import gzclient
 from g1_description.robot.launch_arguments import ENGINES
-from g1_description.ros.lifecycle import own_arguments
 
 PHYSICS = {
     **dict.fromkeys(("ode", "bullet", "dart", "simbody", "mujoco"), "limp"),

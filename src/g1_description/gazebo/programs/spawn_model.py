@@ -25,13 +25,13 @@ from gazebo_msgs.srv import (
 )
 from std_srvs.srv import Empty
 
-from g1_description.command_line import OneSentenceParser, number
+from g1_description.command_line import OneSentenceParser, number, own_arguments
 from g1_description.errors import DescriptionError
 from g1_description.files.model_files import model_folders, searched_folders
 from g1_description.files.xml import decoded, parse_xml
 from g1_description.robot.rotation import from_rpy
 from g1_description.ros.conversions import pose_from_array
-from g1_description.ros.lifecycle import own_arguments, start_node
+from g1_description.ros.lifecycle import start_node
 from g1_description.ros.waiting import MASTER_PERIOD, wait_until
 
 WARN_AFTER = 1.0

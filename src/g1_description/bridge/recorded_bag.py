@@ -1,0 +1,71 @@
+"""Writing motions to rosbags."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import genpy
+import numpy as np
+import rosbag
+from sensor_msgs.msg import JointState
+from tf2_msgs.msg import TFMessage
+
+from g1_description.bridge.parameters import BridgeParameters, base_child, static_edges
+from g1_description.errors import MotionError
+from g1_description.motion.motion import Motion
+from g1_description.robot.description import Description
+from g1_description.robot.transform import IDENTITY
+from g1_description.ros.conversions import stamp_from_ns, transform
+
+MAX_STAMP = (1 << 32) * 1_000_000_000 - 1
+
+
+def write_bag(path: Path, trajectory: Motion, robot: Description, begin: int) -> None:
+    """Write joint_states, and the base on TF with the same stamps."""
+    t, frames = trajectory, BridgeParameters()
+    times = (t.times - t.times[0]).tolist()
+    stamps = [begin + round(time * 1e9) for time in times]
+    if stamps[-1] > MAX_STAMP:
+        raise MotionError(f"The stamp {stamps[-1] / 1e9:g} s is too large for a bag.")
+    base = base_child(frames, robot)
+    with rosbag.Bag(str(path), "w") as bag:
+        _write_static(bag, stamp_from_ns(begin), static_edges(frames, robot))
+        for number, stamp in enumerate(map(stamp_from_ns, stamps)):
+            velocities = None if t.velocities is None else t.velocities[number]
+            state = _joint_state(stamp, t.joint_names, t.positions[number], velocities)
+            bag.write("/joint_states", state, stamp)
+            if t.base_poses is not None and base is not None:
+                pose = t.base_poses[number].tolist()
+                edge = transform(stamp, frames.map_frame, base, pose)
+                bag.write("/tf", TFMessage([edge]), stamp)
+
+
+def _write_static(
+    bag: rosbag.Bag, stamp: genpy.Time, edges: Sequence[tuple[str, str]]
+) -> None:
+    """Write the static frames, latched as by their publisher."""
+    topic = "/tf_static"
+    header = {
+        "topic": topic,
+        "type": TFMessage._type,
+        "md5sum": TFMessage._md5sum,
+        "message_definition": TFMessage._full_text,
+        "latching": "1",
+    }
+    message = TFMessage([transform(stamp, *edge, IDENTITY) for edge in edges])
+    bag.write(topic, message, stamp, connection_header=header)
+
+
+def _joint_state(
+    stamp: genpy.Time,
+    names: Sequence[str],
+    positions: np.ndarray,
+    velocities: np.ndarray | None,
+) -> JointState:
+    """Make a message."""
+    message = JointState(name=names, position=positions.tolist())
+    message.header.stamp = stamp
+    if velocities is not None:
+        message.velocity = velocities.tolist()
+    return message
