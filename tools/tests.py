@@ -64,6 +64,14 @@ FIRST = (
     *("web", "install", "repository", "rostest/bridge_commands"),
 )
 """Parts that begin first, as the end would wait for them."""
+NOT_THE_USERS = (
+    "DISPLAY",
+    "PYTEST_ADDOPTS",
+    "PYTHONDONTWRITEBYTECODE",
+    "ROS_IP",
+    "ROS_MASTER_URI",
+)
+"""Variables that the tests run without. Nodes compile our modules once, for all."""
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 SLOWEST = 10
 """Cases that are named for the time they take."""
@@ -171,7 +179,7 @@ class Run:
         self.begin = time.monotonic()
         self._lock = threading.Lock()
         environment = marked_environment(self.mark)
-        for name in ("DISPLAY", "PYTEST_ADDOPTS", "ROS_IP", "ROS_MASTER_URI"):
+        for name in NOT_THE_USERS:
             environment.pop(name, None)
         environment.update(ROS_HOSTNAME="localhost", ROS_HOME=folder)
         environment["ROS_LOG_DIR"] = str(LOGS / "ros")
