@@ -51,20 +51,17 @@ def sourced(*files):
 
 @pytest.fixture(scope="module")
 def install(tmp_path_factory):
-    """Install the package into a workspace in which it is a link to the clone.
+    """Install what tools/setup has built, as ``catkin_make install`` does.
 
-    Messages are made for Python alone; tools/setup has made them for every language.
-    Only the distribution's own Python knows its layout, which catkin assumes on Debian.
+    The files go below a folder, from which they work as well: catkin's setup files look
+    where they are.
     """
-    workspace = tmp_path_factory.mktemp("workspace")
-    (workspace / "src").mkdir()
-    (workspace / "src" / "g1_description").symlink_to(REPOSITORY)
-    plain = {**sourced(), "ROS_LANG_DISABLE": "gencpp:geneus:genlisp:gennodejs"}
-    build = ["catkin_make", "-C", workspace, f"-DPYTHON_EXECUTABLE={sys.executable}"]
-    if sys.base_prefix != "/usr":
-        build.append("-DSETUPTOOLS_DEB_LAYOUT=OFF")
-    run([*build, "-DCATKIN_ENABLE_TESTING=OFF", "install"], plain)
-    return workspace / "install"
+    devel = Path(os.environ["CMAKE_PREFIX_PATH"].split(os.pathsep)[0])
+    workspace = devel.parent
+    place = tmp_path_factory.mktemp("place")
+    environment = {**os.environ, "DESTDIR": str(place)}
+    run(["cmake", "-P", workspace / "build" / "cmake_install.cmake"], environment)
+    return place / (workspace / "install").relative_to("/")
 
 
 @pytest.fixture(scope="module")
