@@ -29,6 +29,15 @@ WITHOUT_LIBRARY = ("docs/tutorials/moveit.md",)
 SEVERAL = ("docs/tutorials/first_planner.md",)
 """Pages whose blocks are programs of their own; any other page is one program."""
 
+RUN = ("rosrun", "rostopic", "rosservice")
+OFFLINE = ("check", "moveit_config")
+"""Commands of ours that need no robot."""
+
+OTHERS = ("/path/to", "my_robot", "doctor", " web ", "--watch")
+"""What needs files of a user, a robot on another machine, or never ends: the commands
+doctor, web and check have tests of their own."""
+
+IMPORT = re.compile(r"^(?:import|from) .*$", flags=re.M)
 WITH_ROBOT = re.compile(r"^(import|from) .*\b(rospy|Client|Stream)\b", flags=re.M)
 """Imports of blocks that need a running robot."""
 
@@ -76,20 +85,41 @@ def blocks(text, language):
     return [block for name, block in FENCE.findall(text) if name == language]
 
 
-def programs(page, *, offline=False):
+def programs(page, *, robot=None):
     """List the programs of a page, except those of ``OF_FILES``.
 
     Args:
         page: Its path.
-        offline: Only the first blocks, as far as they need no robot.
+        robot: False: the first blocks, as far as they need no robot; True: the others,
+            with the imports of the first; None: all.
     """
     name = str(page.relative_to(ROOT))
     found = blocks(page.read_text(encoding="utf-8"), "python")
-    if offline:
-        found = [*takewhile(lambda block: not WITH_ROBOT.search(block), found)]
+    if robot is not None:
+        first = [*takewhile(lambda block: not WITH_ROBOT.search(block), found)]
+        others = found[len(first) :]
+        if first and others:
+            others.insert(0, "\n".join(IMPORT.findall("".join(first))))
+        found = others if robot else first
     if name in OF_FILES or not found:
         return []
     return found if name in SEVERAL else ["\n".join(found)]
+
+
+def tutorial_commands(*, offline):
+    """List the commands of README and the tutorials, each once, and their pages.
+
+    Args:
+        offline: Whether to list those that need no robot, or those that do.
+    """
+    found = {}
+    for page in (ROOT / "README.md", *sorted((ROOT / "docs/tutorials").glob("*.md"))):
+        lines = "".join(blocks(page.read_text(encoding="utf-8"), "bash"))
+        for words in commands(f"```bash\n{lines}```\n"):
+            is_known = words[0] in RUN and not any(w in " ".join(words) for w in OTHERS)
+            if is_known and (words[2] in OFFLINE) == offline:
+                found.setdefault(tuple(words), page.name)
+    return found
 
 
 def copy_motions(folder):

@@ -21,7 +21,8 @@ ROBOT = "".join(PARTS[:-2])
 OFFLINE = {
     page.name: program
     for page in PAGES
-    for program in programs(page, offline=True)
+    for program in programs(page, robot=False)
+    if str(page.relative_to(ROOT)) not in WITHOUT_LIBRARY
     if str(page.relative_to(ROOT)) not in WITHOUT_LIBRARY
 }
 

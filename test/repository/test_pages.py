@@ -16,8 +16,10 @@ from pages import (
     anchors,
     broken_links,
     commands,
+    copy_motions,
     inline_code,
     links,
+    tutorial_commands,
 )
 
 PACKAGES = {
@@ -301,6 +303,19 @@ def test_commands_exist_with_their_arguments(page):
     pytest.importorskip("rospy", reason="rospy is not installed")
     text = page.read_text(encoding="utf-8")
     assert [fault for words in commands(text) for fault in wrong(words)] == []
+
+
+@pytest.mark.slow
+def test_commands_of_tutorials_that_need_no_robot_run(tmp_path):
+    """Two of their motions fail, which ``check`` says by its exit code."""
+    pytest.importorskip("rospy", reason="rospy is not installed")
+    copy_motions(tmp_path)
+    found = [*tutorial_commands(offline=True)]
+    assert len(found) > 4
+    for _, _, name, *words in found:
+        run = run_script(ROOT / "scripts" / name, *words, folder=tmp_path)
+        is_faulty = name == "check" and words[0] in ("motions/faulty.csv", "motions/")
+        assert run.returncode == int(is_faulty), (words, run.stdout, run.stderr)
 
 
 def test_pictures_are_shown_somewhere():
