@@ -4,6 +4,7 @@ import os
 
 import pytest
 import rospy
+from support.pages import opened_page
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -15,3 +16,16 @@ def node(tmp_path_factory):
     """
     os.environ["ROS_LOG_DIR"] = str(tmp_path_factory.mktemp("log") / "run")
     rospy.init_node("test")
+
+
+@pytest.fixture(scope="session")
+def home(tmp_path_factory):
+    """Give what the page takes for ROS_HOME."""
+    return tmp_path_factory.mktemp("home")
+
+
+@pytest.fixture(scope="session")
+def address(home):
+    """Start the page of the robot that runs; give its address."""
+    with opened_page(home) as found:
+        yield found

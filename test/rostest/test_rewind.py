@@ -8,7 +8,6 @@ import rospy
 from g1_description.msg import RobotState
 from g1_description.srv import PlayMotion
 from std_srvs.srv import Empty
-from support.pages import opened_page
 from support.ros_testing import Connected, service, wait_for
 
 import g1_description
@@ -47,17 +46,6 @@ def motion(is_faulty):
 def commanded(made, start, at):
     """Return where the joints of a motion are to be, linearly between samples."""
     return [np.interp(at - start, made.times, column) for column in made.positions.T]
-
-
-@pytest.fixture(scope="module")
-def home(tmp_path_factory):
-    return tmp_path_factory.mktemp("home")
-
-
-@pytest.fixture(scope="module")
-def address(home):
-    with opened_page(home) as found:
-        yield found
 
 
 @pytest.fixture(scope="module")
