@@ -1,11 +1,13 @@
-"""Displays of other robots: of a public package, and with a profile of its own."""
+"""The display of another robot, with a profile of its own.
+
+Those of public packages are in test/web/test_other_robots.py.
+"""
 
 import shutil
 import tempfile
 import unittest
 from pathlib import Path
 
-import pybullet_data
 import rospy
 from g1_description.srv import CheckState
 from geometry_msgs.msg import Pose
@@ -28,29 +30,39 @@ from ports import free_port
 G1 = parse_urdf((REPOSITORY / "urdf" / "g1_29dof.urdf").read_text())
 ITS_NAMES = {*G1.link_names, *(joint.name for joint in G1.joints), *POSES} - {"zero"}
 STRIDER = REPOSITORY / "test" / "data" / "five_links.urdf"
-A1 = Path(pybullet_data.getDataPath(), "a1", "a1.urdf")
 
 
-class Display:
-    """What is the same for each robot: display, hold, checks and page."""
+class TestRobotWithAProfile(unittest.TestCase):
+    """Display, motors, checks and page."""
 
-    poses = ("zero",)
-
-    @classmethod
-    def arguments(cls):
-        raise NotImplementedError
+    poses = ("zero", "low")
 
     @classmethod
     def setUpClass(cls):
+        cls.folder = folder = tempfile.mkdtemp()
+        cls.addClassCleanup(shutil.rmtree, folder)
+        Path(folder, "robot.yaml").write_text(f"names: [strider]\nmodel: {STRIDER}\n")
+        Path(folder, "poses.yaml").write_text("low: {l_hip: -0.1, r_hip: -0.1}\n")
+        Path(folder, "motors.yaml").write_text("'.*_ankle': {effort: 12}\n")
         cls.port = free_port()
         switches = ("rviz:=false", "physics:=hold", "checks:=true", "web:=true")
-        launch = Launch(
-            "display.launch", *switches, f"port:={cls.port}", *cls.arguments()
-        )
+        its_own = (f"robot:={folder}", "initial_pose:=low", f"port:={cls.port}")
+        launch = Launch("display.launch", *switches, "rate:=50", *its_own)
         cls.addClassCleanup(launch.stop)
         cls.states = Connected("/joint_states", JointState)
         cls.robot = parse_urdf(rospy.get_param("/robot_description"))
         cls.names = [joint.name for joint in cls.robot.movable_joints]
+
+    def test_0_it_begins_in_its_pose(self):
+        position = dict(zip(self.states.wait().name, self.states.wait().position))
+        self.assertAlmostEqual(position["l_hip"], -0.1, delta=0.02)
+
+    def test_nodes_know_its_profile(self):
+        """The simulator does as well, for a robot that another node spawns."""
+        text = rospy.get_param("/robot_description")
+        for robot in (read_robot("/robot_description"), parse_robot(text)):
+            self.assertEqual(robot.profile.motors, Path(self.folder, "motors.yaml"))
+        self.assertEqual(parse_robot(text.replace("sole_l", "sole")).profile.name, "")
 
     def test_its_joints_are_published_and_move(self):
         self.assertEqual(set(self.states.wait().name), set(self.names))
@@ -94,33 +106,3 @@ class Display:
             words = {w for e in [*client.elements.values()] for w in str(e).split("'")}
         self.assertFalse(words & ITS_NAMES)
         self.assertLessEqual({n.replace("_joint", "") for n in self.names}, words)
-
-
-class TestRobotOfAPublicPackage(Display, unittest.TestCase):
-    @classmethod
-    def arguments(cls):
-        return (f"model:={A1}",)
-
-
-class TestRobotWithAProfile(Display, unittest.TestCase):
-    poses = ("zero", "low")
-
-    @classmethod
-    def arguments(cls):
-        cls.folder = folder = tempfile.mkdtemp()
-        cls.addClassCleanup(shutil.rmtree, folder)
-        Path(folder, "robot.yaml").write_text(f"names: [strider]\nmodel: {STRIDER}\n")
-        Path(folder, "poses.yaml").write_text("low: {l_hip: -0.1, r_hip: -0.1}\n")
-        Path(folder, "motors.yaml").write_text("'.*_ankle': {effort: 12}\n")
-        return f"robot:={folder}", "initial_pose:=low"
-
-    def test_0_it_begins_in_its_pose(self):
-        position = dict(zip(self.states.wait().name, self.states.wait().position))
-        self.assertAlmostEqual(position["l_hip"], -0.1, delta=0.02)
-
-    def test_nodes_know_its_profile(self):
-        """The simulator does as well, for a robot that another node spawns."""
-        text = rospy.get_param("/robot_description")
-        for robot in (read_robot("/robot_description"), parse_robot(text)):
-            self.assertEqual(robot.profile.motors, Path(self.folder, "motors.yaml"))
-        self.assertEqual(parse_robot(text.replace("sole_l", "sole")).profile.name, "")
