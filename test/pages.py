@@ -33,9 +33,9 @@ RUN = ("rosrun", "rostopic", "rosservice")
 OFFLINE = ("check", "moveit_config")
 """Commands of ours that need no robot."""
 
-OTHERS = ("/path/to", "my_robot", "doctor", " web ", "--watch")
-"""What needs files of a user, a robot on another machine, or never ends: the commands
-doctor, web and check have tests of their own."""
+OTHERS = ("/path/to", "my_robot", "doctor", " web ", "--watch", "--physics")
+"""What needs files of a user, finds nodes of other tests, takes long or never ends: the
+commands doctor, web and check have tests of their own."""
 
 IMPORT = re.compile(r"^(?:import|from) .*$", flags=re.M)
 WITH_ROBOT = re.compile(r"^(import|from) .*\b(rospy|Client|Stream)\b", flags=re.M)

@@ -311,7 +311,7 @@ def test_commands_of_tutorials_that_need_no_robot_run(tmp_path):
     pytest.importorskip("rospy", reason="rospy is not installed")
     copy_motions(tmp_path)
     found = [*tutorial_commands(offline=True)]
-    assert len(found) > 4
+    assert len(found) > 3
     for _, _, name, *words in found:
         run = run_script(ROOT / "scripts" / name, *words, folder=tmp_path)
         is_faulty = name == "check" and words[0] in ("motions/faulty.csv", "motions/")

@@ -2,7 +2,6 @@
 
 import ast
 import re
-from pathlib import Path
 
 import pytest
 from pages import PAGES, ROOT, prose
@@ -69,6 +68,12 @@ def messages(file):
     return visitor.found
 
 
+@pytest.fixture(scope="module")
+def lines():
+    """List the lines that users read, each with its place."""
+    return [(p, line.strip()) for p, text in texts() for line in text.splitlines()]
+
+
 def texts():
     """Give what users read, by its place."""
     for page in PAGES:
@@ -81,11 +86,7 @@ def texts():
 
 
 @pytest.mark.parametrize("pattern", WORDS)
-def test_words_are_those_of_the_field(pattern):
-    found = [
-        f"{Path(place)}: {line.strip()}"
-        for place, text in texts()
-        for line in text.splitlines()
-        if re.search(pattern, line, re.I)
-    ]
+def test_words_are_those_of_the_field(lines, pattern):
+    word = re.compile(pattern, re.I)
+    found = [f"{place}: {line}" for place, line in lines if word.search(line)]
     assert not found, f"write {WORDS[pattern]}"
