@@ -208,7 +208,9 @@ def find_shift(reference: Motion, executed: Motion) -> float:
     Raises:
         MotionError: If the motions are too long, or have no common joints.
     """
-    from scipy.optimize import minimize_scalar  # takes a third of a second
+    # Both take a second to import, and are needed here only.
+    from scipy.optimize import minimize_scalar
+    from scipy.signal import correlate
 
     names = _common_joints(reference, executed)
     reference, executed = reference.arranged(names), executed.arranged(names)
@@ -217,11 +219,11 @@ def find_shift(reference: Motion, executed: Motion) -> float:
         return float(executed.times[0] - reference.times[0])
     a, b = (row - np.concatenate(rows).mean(axis=0) for row in rows)
     ones = np.ones(len(a)), np.ones(len(b))
-    counts = _correlate(ones[1], ones[0])
-    squares = _correlate(ones[1], (a**2).sum(axis=1))
-    squares += _correlate((b**2).sum(axis=1), ones[0])
+    counts = correlate(ones[1], ones[0], method="fft")
+    squares = correlate(ones[1], (a**2).sum(axis=1), method="fft")
+    squares += correlate((b**2).sum(axis=1), ones[0], method="fft")
     for column in range(len(names)):
-        squares -= 2.0 * _correlate(b[:, column], a[:, column])
+        squares -= 2.0 * correlate(b[:, column], a[:, column], method="fft")
     fits = counts >= max(1.0, LEAST_OVERLAP * min(len(a), len(b))) - 0.5
     best = int(np.argmin(np.where(fits, squares / np.maximum(counts, 1.0), np.inf)))
     lag = (best - (len(a) - 1)) * PERIOD
@@ -233,12 +235,6 @@ def find_shift(reference: Motion, executed: Motion) -> float:
         options={"xatol": 1e-5},
     )
     return float(result.x)
-
-
-def _correlate(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Correlate rows at all shifts, as ``scipy.signal.correlate``, imported slowly."""
-    n = len(a) + len(b) - 1
-    return np.fft.irfft(np.fft.rfft(a, n) * np.fft.rfft(b[::-1], n), n)
 
 
 def _common_joints(reference: Motion, executed: Motion) -> tuple[str, ...]:
