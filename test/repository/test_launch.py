@@ -343,6 +343,7 @@ def master(monkeypatch):
         ("/left", "web", ["g1_description", "web.launch"], ""),
         ("/", "web", ["my_robot", "robot.launch"], ""),
         ("/", "web", ["--nodes", "g1_description", "web.launch"], ""),
+        ("/", "web", ["-p", "1", "g1_description", "web.launch"], ""),  # another master
     ],
 )
 def test_a_node_that_runs_is_not_launched_again(

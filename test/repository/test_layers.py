@@ -117,52 +117,6 @@ def test_nothing_imports_itself_in_a_circle():
     assert LAYERS.package_circles() == []
 
 
-@pytest.fixture()
-def write(tmp_path):
-    """Give what writes modules, and what reads them as layers."""
-
-    def write_all(**texts):
-        for name, text in texts.items():
-            path = tmp_path / f"{name.replace('__', '/')}.py"
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(text)
-        return Layers(tmp_path)
-
-    return write_all
-
-
-@pytest.mark.parametrize(
-    ("module", "text", "wrong"),
-    [
-        ("robot__a", "import rospy", "rospy"),
-        ("motion__files__a", "import rospy.names", "rospy"),
-        ("motion__files__a", "from g1_description.sim.b import c", "sim.b"),
-        ("robot__a", "from g1_description.sim import b", "sim.b"),
-        ("robot__a", "def f():\n    from g1_description.sim import b", "sim.b"),
-        ("robot__a", "if TYPE_CHECKING:\n    from ..sim.b import c", "sim.b"),
-        ("sim__a", "from g1_description.ros.b import c", "ros.b"),
-        ("api", "from sensor_msgs.msg import JointState", "sensor_msgs"),
-        ("bridge__a", "from g1_description.cli.b import c", "cli.b"),
-        ("sdf__a", "from g1_description.client import Client", "client"),
-    ],
-)
-def test_a_wrong_import_is_found(write, module, text, wrong):
-    layers = write(sim__b="", ros__b="", cli__b="", client="", **{module: text})
-    name = module.replace("__", ".")
-    assert forbidden(layers, package_of(name) or name) == [(name, wrong)]
-
-
-def test_circles_are_found(write):
-    layers = write(
-        robot__a="from .b import x",
-        robot__b="from g1_description.sim.c import x",
-        sim__c="if TYPE_CHECKING:\n    from g1_description.robot.a import x",
-        sim__d="from g1_description.robot.a import x",
-    )
-    assert layers.circles() == ["robot.a", "robot.b", "sim.c"]
-    assert layers.package_circles() == ["robot", "sim"]
-
-
 def test_messages_that_nodes_import_are_dependencies():
     """Also where they are tested with: tests are not installed."""
     named = {

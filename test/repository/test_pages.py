@@ -13,7 +13,6 @@ from pages import (
     NAMES,
     PAGES,
     ROOT,
-    anchors,
     broken_links,
     commands,
     copy_motions,
@@ -200,18 +199,6 @@ def test_nothing_is_written_over_the_name_of_a_shipped_motion(file):
     assert SHIPPED.isdisjoint(written_files(file.read_text(encoding="utf-8")))
 
 
-@pytest.mark.parametrize(
-    "line",
-    [
-        "rosrun g1_description record wave.csv",
-        "rosrun g1_description motion cut a.csv --out new/wave.csv",
-        """robot.write_motion("wave.csv", motion)""",
-    ],
-)
-def test_a_file_that_is_written_is_found(line):
-    assert "wave.csv" in written_files(f"```bash\n{line}\n```\n")
-
-
 def absent_inputs(text):
     """List files that a page's commands read and that nobody has.
 
@@ -237,28 +224,6 @@ def absent_inputs(text):
 @pytest.mark.parametrize("page", PAGES, ids=NAMES)
 def test_motions_and_models_in_commands_are_there(page):
     assert absent_inputs(page.read_text(encoding="utf-8")) == []
-
-
-@pytest.mark.parametrize(
-    ("lines", "absent"),
-    [
-        ("rosrun g1_description play dance.csv", ["dance.csv"]),
-        ("rosrun g1_description play squat.csv", []),
-        ("roslaunch g1_description replay.launch motion:=dance.csv", ["dance.csv"]),
-        ("rosrun g1_description record a.csv\nrosrun g1_description play a.csv", []),
-        (
-            "rosrun g1_description play a.csv\nrosrun g1_description record a.csv",
-            ["a.csv"],
-        ),
-        ("rosrun g1_description check my_dance.csv", []),
-        (
-            "tools/joint_rates motions/squat.csv motions/dance.csv",
-            ["motions/dance.csv"],
-        ),
-    ],
-)
-def test_a_file_that_nobody_has_is_found(lines, absent):
-    assert absent_inputs(f"```bash\n{lines}\n```\n") == absent
 
 
 def test_the_readme_is_short():
@@ -325,52 +290,3 @@ def test_pictures_are_shown_somewhere():
         for link in links(page.read_text(encoding="utf-8"))
     }
     assert {*(ROOT / "docs" / "images").iterdir()} <= shown
-
-
-@pytest.mark.parametrize(
-    ("line", "faults"),
-    [
-        ("roslaunch g1_description display.launch rviz:=false", 0),
-        ("roslaunch g1_description display.launch rvis:=false", 1),
-        ("roslaunch g1_description displays.launch", 1),
-        ("roslaunch nowhere display.launch", 1),
-        ("rosrun g1_description pose wave --seconds 2", 0),
-        ("rosrun g1_description pose wave --second=2", 1),
-        ("rosrun g1_description wave", 1),
-        ("rosrun g1_descriptions pose", 1),
-        ("rostest g1_description rviz.test pictures:=/tmp", 0),
-        ("rostest g1_description rviz.test picture:=/tmp", 1),
-        ("tools/test quickly && tools/tset", 1),
-        ("tools/benchmark --only bridge --slowly", 1),
-        ("tools/demo phisics:=limp", 1),
-        ("rosservice call /gazebo/pause_physics", 0),
-        ("rosservice call /gazebo/pause", 1),
-        ("rosnonsense", 1),
-    ],
-)
-def test_a_wrong_command_is_found(line, faults):
-    pytest.importorskip("rospy", reason="rospy is not installed")
-    shown = commands(f"```bash\n{line}\n```\n")
-    assert sum(len(wrong(words)) for words in shown) == faults
-
-
-def test_commands_between_backticks_and_on_two_lines_are_found():
-    text = (
-        "Run `tools/test` or\n\n```bash\nrosrun a b \\\n  --c  # d\ncd e && ls\n```\n"
-    )
-    assert commands(text) == [
-        ["tools/test"],
-        ["rosrun", "a", "b", "--c"],
-        ["cd", "e"],
-        ["ls"],
-    ]
-
-
-def test_broken_links_and_missing_files_are_found(tmp_path):
-    page = tmp_path / "page.md"
-    page.write_text("# E\n[a](nowhere.md) ![b](c.png) [d](#e) [f](#g) [h](https://i)\n")
-    assert broken_links(page) == ["nowhere.md", "c.png", "#g"]
-    assert anchors("## Launch files, written") == {"launch-files-written"}
-    assert missing_files("`src/no_such` `src/g1_description` `no/such`") == [
-        "src/no_such"
-    ]
