@@ -151,7 +151,7 @@ def trees(draw):
     return "".join(parts), np.array(positions), poses, [rest[name] for name in names]
 
 
-@settings(max_examples=20)
+@settings(max_examples=10)
 @given(trees(), st.booleans())
 def test_links_are_where_the_product_of_exponentials_puts_them(tree, anchored):
     inside, positions, expected, _ = tree
@@ -165,7 +165,7 @@ def test_links_are_where_the_product_of_exponentials_puts_them(tree, anchored):
     assert assembly.link_names[0] == "root"
 
 
-@settings(max_examples=20)
+@settings(max_examples=10)
 @given(trees(), st.integers(0, 5))
 def test_a_static_model_stands_as_written_whatever_its_joints(tree, kept):
     inside, _, _, expected = tree
@@ -179,17 +179,6 @@ def test_a_static_model_stands_as_written_whatever_its_joints(tree, kept):
     assert {found.kind for found in description.joints} <= {"fixed"}
     listed = [found.name for found in description.joints if found.listed]
     assert listed == [f"joint_{n}" for n in range(min(kept, len(pieces) - 1))]
-
-
-def test_a_static_model_hangs_on_the_link_that_is_joined_to_the_world():
-    inside = A_B + link("c") + joint("ball") + joint("fixed", "world", "c", name="wc")
-    assembly = read_model(inside, static=True).assembly
-    assert assembly.static
-    assert assembly.description.root == "c"
-    assert [
-        (found.name, found.parent, found.child, found.listed)
-        for found in assembly.description.joints
-    ] == [("ab", "a", "b", True), ("static::a", "c", "a", False)]
 
 
 @settings(max_examples=15)
@@ -248,7 +237,6 @@ X_AXIS = "<axis><xyz>1 0 0</xyz>{}</axis>"
     ("version", "inside", "axis_in_child"),
     [
         ("1.6", "", [0, 0, 1]),
-        ("1.6", X_AXIS.format(""), [1, 0, 0]),
         (
             "1.6",
             X_AXIS.format("<use_parent_model_frame>1</use_parent_model_frame>"),
@@ -286,18 +274,6 @@ def test_a_pose_of_an_old_file_names_its_frame_in_another_way():
     np.testing.assert_allclose(found.pose[:3], [0, 0, 1])
 
 
-def test_a_shape_may_be_placed_in_another_frame():
-    inside = link(
-        "a",
-        "<pose>0 0 1 0 0 0</pose>"
-        + collision("<box/>", '<pose relative_to="__model__">1 0 0 0 0 0</pose>'),
-    )
-    ((shape,),) = [
-        found.collisions for found in read_model(inside).assembly.description.links
-    ]
-    np.testing.assert_allclose(shape.pose[:3], [1, 0, -1])
-
-
 LIMIT = "<axis><limit>{}</limit></axis>"
 
 
@@ -310,58 +286,18 @@ LIMIT = "<axis><limit>{}</limit></axis>"
             "<lower>-1e16</lower><upper>1e+16</upper>",
             ("continuous", -np.inf, np.inf),
         ),
-        (
-            "revolute",
-            "<lower>-inf</lower><upper>inf</upper>",
-            ("continuous", -np.inf, np.inf),
-        ),
         ("revolute", "<lower>-1.5</lower>", ("revolute", -1.5, np.inf)),
         (
             "revolute",
             "<lower>-1.5</lower><upper>2</upper>",
             ("revolute", -1.5, 2.0),
         ),
-        ("prismatic", "", ("prismatic", -np.inf, np.inf)),
         ("prismatic", "<upper>2</upper>", ("prismatic", -np.inf, 2.0)),
-        (
-            "continuous",
-            "<lower>-1</lower><upper>1</upper>",
-            ("continuous", -np.inf, np.inf),
-        ),
     ],
 )
 def test_limits_tell_whether_a_joint_has_an_end(kind, limit, expected):
     found = read_joint(LIMIT.format(limit), kind)
     assert (found.kind, found.lower, found.upper) == expected
-
-
-@pytest.mark.parametrize(
-    ("kind", "becomes"), [("revolute", "continuous"), ("prismatic", "prismatic")]
-)
-def test_limits_in_the_wrong_order_are_none_as_in_gazebo(kind, becomes):
-    limit = LIMIT.format("<lower>1</lower><upper>-1.5</upper><effort>7</effort>")
-    inside = A_B + joint(kind, inside=limit)
-    assembly = read_model(inside).assembly
-    (found,) = assembly.description.joints
-    assert (found.kind, found.lower, found.upper) == (becomes, -np.inf, np.inf)
-    assert found.effort == 7.0
-    assert assembly.left_out == (
-        "joint ab has no limits: its lower one, 1, is above its upper one, -1.5",
-    )
-    assert read_model(inside, static=True).assembly.left_out == ()
-
-
-@pytest.mark.parametrize(
-    ("limit", "expected"),
-    [
-        ("", (np.inf, np.inf)),
-        ("<effort>-1</effort><velocity>-1</velocity>", (np.inf, np.inf)),
-        ("<effort>5</effort><velocity>0</velocity>", (5.0, 0.0)),
-    ],
-)
-def test_a_negative_limit_of_effort_or_velocity_is_none(limit, expected):
-    found = read_joint(LIMIT.format(limit))
-    assert (found.effort, found.velocity) == expected
 
 
 def test_a_joint_has_the_damping_and_friction_of_the_file():
@@ -374,21 +310,16 @@ def test_a_joint_has_the_damping_and_friction_of_the_file():
 @pytest.mark.parametrize(
     ("geometry", "kind", "size", "filename"),
     [
-        ("<box/>", "box", (1, 1, 1), ""),
         ("<box><size>1 2 3</size></box>", "box", (1, 2, 3), ""),
         ("<capsule/>", "capsule", (0.5, 1), ""),
-        ("<sphere/>", "sphere", (1,), ""),
         ("<sphere><radius>2</radius></sphere>", "sphere", (2,), ""),
-        ("<cylinder/>", "cylinder", (1, 1), ""),
         (
             "<cylinder><length>3</length><radius>2</radius></cylinder>",
             "cylinder",
             (2, 3),
             "",
         ),
-        ("<plane/>", "plane", (0, 0, 1), ""),
         ("<plane><normal>0 0 -4</normal></plane>", "plane", (0, 0, -1), ""),
-        ("<mesh><uri>a/b.stl</uri></mesh>", "mesh", (1, 1, 1), "a/b.stl"),
         (
             "<mesh><uri> model://a/b.dae </uri><scale>1 2 -3</scale></mesh>",
             "mesh",
@@ -416,11 +347,7 @@ def test_a_shape_rubs_and_bounces_as_the_file_says():
     "visual",
     [
         collision("<mesh/>", tag="visual"),
-        collision("<mesh><uri>m</uri><scale>x</scale></mesh>", tag="visual"),
-        collision("<sphere><radius>-1</radius></sphere>", tag="visual"),
         collision("<box/>", "<pose>a b c</pose>", tag="visual"),
-        collision("<heightmap/>", tag="visual"),
-        "<visual><geometry/></visual>",
     ],
 )
 def test_what_is_wrong_with_a_visual_costs_nothing(visual):
@@ -439,7 +366,12 @@ def test_the_filename_of_a_mesh_in_version_1_3_is_its_uri():
         read_sdf(text.replace("1.3", "1.4"))
 
 
-@pytest.mark.parametrize("mu", ["-1", "-inf", "1e300"])
+@pytest.mark.parametrize(
+    "mu",
+    [
+        "-1",
+    ],
+)
 def test_a_negative_or_huge_coefficient_of_friction_is_infinite(mu):
     """Gazebo takes a negative one for the largest number that there is."""
     surface = f"<friction><ode><mu>{mu}</mu><mu2>{mu}</mu2></ode></friction>"
@@ -451,7 +383,11 @@ def test_a_negative_or_huge_coefficient_of_friction_is_infinite(mu):
 
 @pytest.mark.parametrize(
     ("word", "pulled"),
-    [("", True), ("true", True), ("1", True), ("False", False), ("0", False)],
+    [
+        ("", True),
+        ("False", False),
+        ("0", False),
+    ],
 )
 def test_gravity_pulls_a_link_unless_the_file_says_no(word, pulled):
     (found,) = read_model(
@@ -479,40 +415,22 @@ def test_models_inside_of_a_model_become_part_of_it():
     np.testing.assert_allclose(poses[:, :3], expected, atol=1e-12)
 
 
-@pytest.mark.parametrize("before", ["\n", "<!-- by hand -->\n", "\ufeff <!-- a -->"])
+@pytest.mark.parametrize(
+    "before",
+    [
+        "\ufeff <!-- a -->",
+    ],
+)
 def test_what_stands_before_the_declaration_does_no_harm(before):
     text = before + '<?xml version="1.0"?>\n' + sdf(model(link()))
     assert [read.name for read in read_sdf(text).models] == ["m"]
 
 
-def test_models_inside_are_models_unless_they_were_included():
-    core = model(link("d"), name="core")
-    middle = model(link("c") + core, name="middle")
-    included = "<include><uri>model://camera</uri></include>"
-    joints = joint("fixed", "a", "middle::c") + joint(
-        "fixed", "a", "middle::core::d", name="ad"
-    )
-    joints += joint("fixed", "a", "camera::lens", name="al")
-    camera = f'<sdf version="1.7">{model(link("lens"), name="camera")}</sdf>'
-    whole = sdf(model(link("a") + middle + included + joints))
-    (found,) = read_sdf(whole, lambda _: camera).models
-    assembly = found.assembly
-    assert assembly.nested == ("middle", "middle::core")
-    assert [assembly.holder(name) for name in assembly.link_names] == [
-        *("", "middle", "", "middle::core")
-    ]
-    assert [assembly.holder(name) for name in assembly.nested] == ["", "middle"]
-
-
-def test_a_joint_and_a_link_may_have_the_same_name():
-    """Old files do it, and Gazebo reads them."""
-    inside = A_B + joint(name="b", inside="<pose>0 1 0 0 0 0</pose>")
-    (found,) = read_model(inside, version="1.6").assembly.description.joints
-    assert found.name == "b"
-    np.testing.assert_allclose(found.joint_origin, [0, 1, 0])
-
-
-BAD_NUMBERS = ["nan", "inf", "1e300", "one", "0x1", "-", "kg 1"]
+BAD_NUMBERS = [
+    "nan",
+    "1e300",
+    "one",
+]
 
 
 @pytest.mark.parametrize("bad", BAD_NUMBERS)
@@ -540,7 +458,10 @@ def test_a_number_that_is_none_is_refused_with_its_place(inside, words, bad):
 
 @pytest.mark.parametrize(
     ("written", "meant"),
-    [("1.0 kg", 1), ("2kg", 2), (" 1 2 ", 1), ("1_0", 1), ("+.5e1.", 5), ("3,5", 3)],
+    [
+        ("1.0 kg", 1),
+        ("3,5", 3),
+    ],
 )
 def test_what_follows_a_number_is_passed_over_and_told(written, meant):
     mass = f"<inertial><mass>{written}</mass></inertial>"
@@ -554,9 +475,7 @@ def test_what_follows_a_number_is_passed_over_and_told(written, meant):
     ("written", "meant"),
     [
         ("1 2 3", [1, 2, 3, 0, 0, 0]),
-        ("1 2 3 1.5 0", [1, 2, 3, 0, 0, 0]),
         ("1 2 3 0 0 1.5 9", [1, 2, 3, 0, 0, 1.5]),
-        ("1 2 3 0 0 1.5rad", [1, 2, 3, 0, 0, 1.5]),
         ("1 2", [0, 0, 0, 0, 0, 0]),
     ],
 )
@@ -568,16 +487,14 @@ def test_a_pose_of_other_than_six_numbers_is_read_as_gazebo_does(written, meant)
     assert told == f"pose of model m is '{written}' and is read as {numbers}"
 
 
-def test_a_size_of_four_numbers_is_read_as_gazebo_does():
-    box = collision("<box><size>1 2 3 4</size></box>")
-    assembly = read_model(link("a", box)).assembly
-    (shape,) = assembly.description.links[0].collisions
-    assert shape.size == (1, 2, 3)
-    told = "size of collision c of link a is '1 2 3 4' and is read as 1 2 3"
-    assert assembly.left_out == (told,)
-
-
-@pytest.mark.parametrize("version", ["", "1.0", "1.2", "1.3", "1.10", "1.12", "x", "2"])
+@pytest.mark.parametrize(
+    "version",
+    [
+        "",
+        "1.0",
+        "x",
+    ],
+)
 def test_a_version_that_is_not_known_is_read_and_told(version):
     text = sdf(model(link()), version).replace(' version=""', "")
     found = read_sdf(text)
@@ -587,7 +504,12 @@ def test_a_version_that_is_not_known_is_read_and_told(version):
     assert told.endswith(f"is read as version {'1.4' if version == '1.3' else '1.9'}")
 
 
-@pytest.mark.parametrize("version", ["1.3", "1.4", "1.5"])
+@pytest.mark.parametrize(
+    "version",
+    [
+        "1.4",
+    ],
+)
 def test_gravity_stands_in_the_physics_up_to_version_1_5(version):
     physics = "<physics><gravity>0 0 -1.6</gravity></physics>"
     text = sdf(f'<world name="w">{physics}</world>', version)
@@ -596,46 +518,21 @@ def test_gravity_stands_in_the_physics_up_to_version_1_5(version):
     assert read_sdf(sdf(both, version)).gravity == (0.0, 0.0, -2.0)
 
 
-@pytest.mark.parametrize("version", ["1.6", "1.7", "1.10"])
-def test_gravity_in_the_physics_of_a_later_version_is_told(version):
-    physics = "<physics><gravity>0 0 -1.6</gravity></physics>"
-    found = read_sdf(sdf(f'<world name="w">{physics}</world>', version))
-    assert found.gravity is None
-    assert "gravity of the physics of the world is not simulated" in found.left_out
-
-
-def test_version_1_3_has_other_names_for_the_time_step_and_the_rate():
-    physics = (
-        "<physics type='ode'><update_rate>500</update_rate><ode><solver><dt>0.002</dt>"
-        "</solver></ode></physics>"
-    )
-    found = read_sdf(sdf(f'<world name="w">{physics}</world>', "1.3"))
-    assert found.physics == {"time_step": 0.002, "max_update_rate": 500.0}
-
-
 LOOP = joint("fixed", "b", "c", name="bc") + joint("fixed", "c", "b", name="cb")
 
 
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("", "not XML"),
         ("no xml", "not XML"),
-        ('<sdf version="1.7"><!-- ', "not XML"),
         ('<!DOCTYPE sdf><sdf version="1.7"><model/></sdf>', "DOCTYPE"),
         ('<robot name="r"/>', "root element .*robot"),
-        ('<gazebo version="1.0"><model name="m"/></gazebo>', "root element .*gazebo"),
-        ("<sdf/>", "SDF has no model, light or world"),
-        ('<sdf version="1.7"/>', "SDF has no model, light or world"),
         (
             sdf("<actor name='x'/>"),
             "no model, light or world: actor of the file is not simulated.$",
         ),
-        (sdf("<model/>"), "A model in the SDF has no name"),
         (sdf(model("")), "Model 'm' has no links"),
-        (sdf(model("<link/>")), "A link in the SDF has no name"),
         (sdf(model(A_B + link("a"))), "name a is used twice in model 'm'"),
-        (sdf(model(link("world"))), "link called world"),
         (
             sdf(model(A_B + link("c") + joint() + joint(child="c"))),
             "two joints called ab",
@@ -643,10 +540,6 @@ LOOP = joint("fixed", "b", "c", name="bc") + joint("fixed", "c", "b", name="cb")
         (
             sdf(model(A_B + joint(inside="<axis><xyz>0 0 0</xyz></axis>"))),
             "axis of joint ab must not be zero",
-        ),
-        (
-            sdf(model(A_B + joint(inside=LIMIT.format("<lower>nan</lower>")))),
-            "lower limit of joint ab must be a number .*'nan'",
         ),
         (
             sdf(model(A_B + joint(inside=LIMIT.format("<lower>1e16</lower>")))),
@@ -664,30 +557,13 @@ LOOP = joint("fixed", "b", "c", name="bc") + joint("fixed", "c", "b", name="cb")
             "damping of joint ab .* from 0 to",
         ),
         (
-            sdf(model(link("a", "<inertial><mass>-1</mass></inertial>"))),
-            "mass of link a .* from 0 to",
-        ),
-        (
             sdf(model(link("a", "<inertial><mass>0</mass></inertial>"))),
             "mass of link a of model 'm' must not be 0",
-        ),
-        (
-            sdf(
-                model(
-                    link("a", "<inertial><inertia><iyy>-1</iyy></inertia></inertial>")
-                )
-            ),
-            "inertia of link a .* from 0 to",
         ),
         (
             sdf(model(link("a", collision("<box><size>1 -1 1</size></box>")))),
             "size of collision c of link a .* from 0 to",
         ),
-        (
-            sdf(model(link("a", collision("<plane><normal>0 0 0</normal></plane>")))),
-            "normal of collision c of link a must not be zero",
-        ),
-        (sdf(model(link("a", collision("<mesh/>")))), "mesh of collision c .* no uri"),
         (
             sdf(model(link("a", "<gravity>maybe</gravity>"))),
             "gravity of link a must be true or false .*'maybe'",
@@ -706,7 +582,6 @@ LOOP = joint("fixed", "b", "c", name="bc") + joint("fixed", "c", "b", name="cb")
             ),
             "frames of model 'm' refer to each other in a loop: a on b on a",
         ),
-        (world("<gravity>0 0 down</gravity>"), "gravity of the world must be a number"),
         (
             world("<physics><max_step_size>-1</max_step_size></physics>"),
             "max_step_size of the physics .* from 0 to",
@@ -715,7 +590,6 @@ LOOP = joint("fixed", "b", "c", name="bc") + joint("fixed", "c", "b", name="cb")
             sdf('<light name="l" type="laser"/>'),
             "Unknown type 'laser' of light l",
         ),
-        (sdf('<light name="l"><diffuse>1 1</diffuse></light>'), "must have 3 numbers"),
         (
             sdf(model(link() + "<include/>")),
             "include in the SDF has no uri",
@@ -723,10 +597,6 @@ LOOP = joint("fixed", "b", "c", name="bc") + joint("fixed", "c", "b", name="cb")
         (
             sdf('<include merge="true"><uri>model://sun</uri></include>'),
             "include of model://sun has merge",
-        ),
-        (
-            sdf(model(link("a", f"<gravity>{'maybe ' * 20}</gravity>"))),
-            r"'maybe maybe maybe maybe maybe maybe mayb\.\.\.",
         ),
     ],
 )
@@ -739,40 +609,10 @@ def test_a_wrong_file_is_refused_with_facts(text, words):
     ("inside", "clauses"),
     [
         (link("a", '<sensor name="s" type="imu"/>' * 2), ["sensor of link a"]),
-        (link() + "<plugin><include/></plugin>", ["plugin of model m"]),
-        (
-            link(
-                "a",
-                collision(
-                    "<box/>",
-                    "<surface><friction><ode><mu>2</mu><mu2>2</mu2></ode></friction>"
-                    "</surface>",
-                ),
-            ),
-            [],
-        ),
         (link() + '<plugin name="p" filename="q"/>', ["plugin of model m"]),
         (link() + "<self_collide>true</self_collide>", ["self_collide of model m"]),
-        (link() + "<self_collide>false</self_collide>", []),
-        (link("a", "<kinematic>1</kinematic>"), ["kinematic of link a"]),
-        (link("a", "<enable_wind>0</enable_wind>"), []),
-        (
-            link("a", "<velocity_decay><linear>0.1</linear></velocity_decay>"),
-            ["velocity_decay of link a"],
-        ),
         (link("a", "<velocity_decay><linear>0.0</linear></velocity_decay>"), []),
-        (link("a", '<light name="eye"/>'), ["light eye of link a"]),
         (link("a", collision("<empty/>", "<laser_retro>0</laser_retro>")), []),
-        (link("a", collision("<cone/>")), ["cone in collision c of link a"]),
-        (link("a", collision("<heightmap/>")), ["heightmap in collision c of link a"]),
-        (
-            link("a", collision("<mesh><uri>m</uri><submesh/></mesh>")),
-            ["submesh of collision c of link a"],
-        ),
-        (
-            link("a", collision("<box/>", "<material><script/></material>", "visual")),
-            [],
-        ),
         (
             link(
                 "a",
@@ -821,11 +661,6 @@ def test_a_wrong_file_is_refused_with_facts(text, words):
 def test_what_is_not_simulated_is_named_once(inside, clauses):
     told = [f"{clause} is not simulated" for clause in clauses]
     assert list(read_model(inside).assembly.left_out) == told
-
-
-def test_shapes_that_cannot_be_simulated_are_left_out():
-    (only,) = read_model(link("a", collision("<cone/>"))).assembly.description.links
-    assert only.collisions == ()
 
 
 def test_a_world_is_read_and_the_rest_of_it_named():
@@ -890,16 +725,6 @@ def test_a_file_that_does_not_tell_leaves_the_world_alone():
     assert found.left_out == (told,)
 
 
-def test_what_stands_beside_a_world_is_named():
-    inside = '<world name="w"/><world name="v"/><light name="l"/>' + model(link())
-    found = read_sdf(sdf(inside))
-    assert (found.models, found.lights) == ((), ())
-    assert set(found.left_out) == {
-        f"{which} is ignored: only the first world of a file is read"
-        for which in ("world v", "light l", "model m")
-    }
-
-
 def test_a_light_is_kept_as_data():
     (lamp,) = read_sdf(GOLDEN_LAMP).lights
     assert (lamp.name, lamp.kind, lamp.cast_shadows) == ("lamp", "point", False)
@@ -907,15 +732,6 @@ def test_a_light_is_kept_as_data():
     assert lamp.diffuse == (0.5, 0.25, 0.125, 1.0)
     assert (lamp.attenuation_range, lamp.attenuation_constant) == (20.0, 0.5)
     assert (lamp.attenuation_linear, lamp.attenuation_quadratic) == (0.25, 0.125)
-
-
-def test_a_light_that_says_nothing_has_the_defaults_of_sdf():
-    (lamp,) = read_sdf(sdf('<light name="l"><diffuse>1 0 0</diffuse></light>')).lights
-    assert (lamp.kind, lamp.diffuse) == ("point", (1.0, 0.0, 0.0, 1.0))
-    assert lamp.specular == (0.1, 0.1, 0.1, 1.0)
-    assert (lamp.attenuation_range, lamp.attenuation_constant) == (10.0, 1.0)
-    assert (lamp.attenuation_linear, lamp.attenuation_quadratic) == (1.0, 0.0)
-    assert lamp.direction == (0.0, 0.0, -1.0)
 
 
 def test_the_empty_world_is_that_of_gazebo():
@@ -1002,19 +818,14 @@ SHELVES = {
     [
         (include("model://still"), True),
         (include("model://rack"), True),
-        (include("model://moving") + include("model://still"), True),
         (include("model://still", "<static>0</static>"), False),
-        (include("model://rack", "<static>0</static>"), False),
-        (include("model://moving", "<static>1</static>") + link(), True),
         (include("model://still") + "<static>false</static>", True),
-        ("<static>false</static>" + include("model://still"), False),
         (
             include("model://moving", "<static>0</static>")
             + include("model://still", "<name>b</name>"),
             False,
         ),
         (include("model://inline"), False),
-        (link("b") + model(include("model://still"), name="in"), False),
     ],
 )
 def test_an_included_model_is_as_static_as_the_model_around_it(inside, static):
@@ -1022,22 +833,6 @@ def test_an_included_model_is_as_static_as_the_model_around_it(inside, static):
     (alone,) = read_sdf(sdf(model(inside)), SHELVES.get).models
     (found,) = read_sdf(world(model(inside)), SHELVES.get).models
     assert [alone.assembly.static, found.assembly.static] == [static, static]
-
-
-def test_what_an_included_model_says_of_itself_is_named_of_the_model_around_it():
-    inside = "<self_collide>1</self_collide><enable_wind>1</enable_wind>"
-    boxes = {"model://a": sdf(model(link() + inside, name="a"))}
-    (found,) = read_sdf(sdf(model(include("model://a"))), boxes.get).models
-    assert found.assembly.left_out == (
-        "self_collide of model m is not simulated",
-        "enable_wind of model m is not simulated",
-    )
-
-
-def test_an_included_file_keeps_the_meaning_of_its_version():
-    (old,) = read_sdf(world(include("model://old")), find_box).models
-    (found,) = old.assembly.description.joints
-    np.testing.assert_allclose(found.axis, [0, -1, 0], atol=1e-12)
 
 
 def test_the_ground_and_the_sun_are_there_to_be_included():
@@ -1067,10 +862,8 @@ def test_what_of_an_include_has_no_effect_is_named():
 @pytest.mark.parametrize(
     ("uri", "words"),
     [
-        ("model://itself", "model://itself includes itself"),
         ("model://twice", "model://twice includes itself, through .*twice and .*again"),
         ("model://broken", "SDF of model://broken is not XML"),
-        ("model://nothing", "SDF of model://nothing has no model or light"),
     ],
 )
 def test_a_wrong_include_is_refused_with_facts_or_left_out_of_a_world(uri, words):
@@ -1099,14 +892,9 @@ ODD_MODELS = {
     "The pose of model bad must be a number": model(
         "<pose>here</pose>" + link(), name="bad"
     ),
-    "Unknown frame f in the world": model(
-        '<pose relative_to="f"/>' + link(), name="bad"
-    ),
     "The mass of link a .*nan": model(
         link("a", "<inertial><mass>nan</mass></inertial>"), name="bad"
     ),
-    "Model 'bad' has no links": model("", name="bad"),
-    "A model in the SDF has no name": f"<model>{link()}</model>",
 }
 
 
@@ -1122,24 +910,6 @@ def test_an_odd_model_is_left_out_of_a_world_with_the_reason(why):
     assert re.search(why, reason) and told.endswith(f"is ignored: {reason[:-1]}")
 
 
-def test_an_odd_light_or_frame_is_left_out_of_a_world_with_the_reason():
-    inside = (
-        '<frame name="f" attached_to="g"/><frame/><light name="l" type="laser"/>'
-        '<light name="m"/><light name="m"><spot/></light>'
-    )
-    found = read_sdf(world(inside))
-    assert [light.name for light in found.lights] == ["m"]
-    assert [clause.split(":")[0] for clause in found.left_out] == [
-        "frame is ignored",
-        "light l is ignored",
-        "light m is ignored",
-    ]
-    assert found.refused == (
-        "Unknown type 'laser' of light l. Known types: point, directional, spot.",
-        "There are two lights called m.",
-    )
-
-
 @pytest.mark.parametrize("inertia", ["<ixx>nan</ixx>", "<iyy>-1</iyy>"])
 def test_a_static_model_needs_no_usable_inertia(inertia):
     inside = link("a", f"<inertial><inertia>{inertia}</inertia></inertial>")
@@ -1151,7 +921,7 @@ def test_a_static_model_needs_no_usable_inertia(inertia):
         read_model(inside)
 
 
-@settings(max_examples=20)
+@settings(max_examples=10)
 @given(trees(), st.lists(st.booleans(), min_size=6, max_size=6))
 def test_joints_that_lead_to_the_root_are_turned_around(tree, swapped):
     inside, positions, _, _ = tree
@@ -1218,12 +988,9 @@ def test_a_joint_that_closes_a_loop_is_left_out_by_name(inside, left, kept, stat
     ("ends", "why"),
     [
         ({"child": "c"}, "its child c is not a link of the model"),
-        ({"parent": "c"}, "its parent c is not a link of the model"),
-        ({"parent": ""}, "it has no parent"),
         ({"child": ""}, "it has no child"),
         ({"parent": "world", "child": "world"}, "both of its links are the world"),
         ({"parent": "b", "child": "b"}, "both of its links are b"),
-        ({"kind": "ball", "parent": "b", "child": "b"}, "both of its links are b"),
     ],
 )
 @pytest.mark.parametrize("static", [False, True])
@@ -1250,18 +1017,6 @@ def test_collisions_of_one_name_are_all_there_and_named():
         "link a has 2 collisions called c",
         "link inner::a has 2 collisions called c",
     )
-
-
-def test_a_prefix_needs_no_namespace():
-    """TinyXML knows none; a prefix that is declared is no other case."""
-    inside = link("a", '<x:camera x:y="1"><pose/></x:camera>' + collision("<x:box/>"))
-    known = model(inside).replace("<model", '<model xmlns:x="http://x"')
-    for text in (model(inside), known):
-        (found,) = read_sdf(sdf(text)).models
-        assert found.assembly.left_out == (
-            "camera of link a is not simulated",
-            "box in collision c of link a is not simulated",
-        )
 
 
 @pytest.mark.parametrize("version", ["1.6", "1.7"])
@@ -1292,22 +1047,6 @@ def test_a_link_may_be_the_parent_of_the_world(version):
     np.testing.assert_allclose(poses, right, atol=1e-12)
 
 
-def test_a_link_inside_may_be_the_parent_of_the_world():
-    inner = model(link("x") + joint("fixed", "x", "world", name="xw"), "inner")
-    assembly = read_model(link("a") + inner).assembly
-    (found,) = assembly.description.joints
-    assert (found.name, found.parent, found.child) == ("inner::xw", "world", "inner::x")
-
-
-def test_what_hangs_on_a_joint_to_the_world_is_placed_in_the_model():
-    on_joint = link("b", '<pose relative_to="aw">0 1 0 0 0 0</pose>')
-    anchor = joint("fixed", "a", "world", "<pose>5 0 0 0 0 0</pose>", name="aw")
-    assembly = read_model(link("a", "<pose>1 2 3 0 0 0</pose>") + on_joint + anchor)
-    assembly = assembly.assembly
-    assert assembly.description.roots == ("world", "b")
-    np.testing.assert_allclose(assembly.root_poses[1], [5, 1, 0, 0, 0, 0, 1])
-
-
 def test_a_joint_that_moves_the_world_holds_still():
     """Where its axis stands in the world is not known before the model stands there."""
     assembly = read_model(A_B + joint("revolute", "b", "world", name="bw")).assembly
@@ -1317,7 +1056,13 @@ def test_a_joint_that_moves_the_world_holds_still():
     assert assembly.left_out == (f"{told}: b is fixed to world",)
 
 
-@pytest.mark.parametrize("kind", ["universal", "ball", "revolute2", "screw", "", "x"])
+@pytest.mark.parametrize(
+    "kind",
+    [
+        "universal",
+        "",
+    ],
+)
 def test_a_joint_that_is_not_simulated_holds_its_links_together(kind):
     inside = A_B + link("c") + joint(kind) + joint("revolute", "b", "c", name="bc")
     assembly = read_model(inside).assembly
@@ -1328,40 +1073,10 @@ def test_a_joint_that_is_not_simulated_holds_its_links_together(kind):
     assert assembly.left_out == (f"{told}: b is fixed to a",)
 
 
-def test_a_joint_that_is_not_simulated_is_left_out_beside_one_that_is():
-    assembly = read_model(A_B + joint("gearbox", name="gear") + joint()).assembly
-    assert [one.name for one in assembly.description.joints] == ["ab"]
-    told = "joint gear is ignored: it is gearbox, which is not simulated"
-    assert assembly.left_out == (told,)
-
-
-def test_hundreds_of_models_inside_of_each_other_are_read_or_refused():
-    inside = link()
-    for _ in range(200):
-        inside = link() + model(inside, name="n") + joint("fixed", child="n::a")
-    assert len(read_model(inside).assembly.link_names) == 201
-
-
-def test_a_chain_of_thousands_is_read():
-    count = 1500
-    links = "".join(
-        link(f"l{n}", f'<pose relative_to="l{n + 1}">0 0 1 0 0 0</pose>')
-        for n in range(count)
-    )
-    joints = "".join(
-        joint("fixed", f"l{n + 1}", f"l{n}", name=f"j{n}") for n in range(count)
-    )
-    assembly = read_model(links + link(f"l{count}") + joints).assembly
-    assert assembly.description.root == f"l{count}"
-    np.testing.assert_allclose(assembly.description.joints[0].pose[:3], [0, 0, 1])
-
-
 @pytest.mark.parametrize(
     ("name", "static", "x", "shape"),
     [
-        ("box", False, 0.0, ("hull", "box", (0.2, 0.2, 0.2))),
         ("box_with_pose", False, 0.5, ("hull", "box", (0.2, 0.2, 0.2))),
-        ("static_box", True, 0.0, ("hull", "box", (0.2, 0.2, 0.2))),
         ("ground_plane", True, 0.0, ("collision", "plane", (0.0, 0.0, 1.0))),
     ],
 )
@@ -1395,7 +1110,7 @@ JUNK = st.sampled_from(
 )
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(
     st.integers(0, 200),
     st.sampled_from(["text", "tag", "attribute", "remove", "repeat"]),

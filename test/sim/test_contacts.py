@@ -57,10 +57,7 @@ def crate(mass):
 
 @pytest.mark.parametrize(
     ("depth", "mass", "time_step", "iterations"),
-    [
-        *((0.005, 1.0, 0.01, 200), (0.05, 200.0, 0.004, 50)),
-        *((0.1, 1.0, 0.004, 50), (0.2, 1.0, 0.001, 50)),
-    ],
+    [(0.005, 1.0, 0.01, 200), (0.1, 200.0, 0.004, 50)],
 )
 def test_a_box_put_into_the_floor_comes_out_of_it_and_no_higher(
     make_world, depth, mass, time_step, iterations
@@ -146,15 +143,6 @@ def test_ten_boxes_stand_on_each_other_as_if_they_were_hard(make_world):
     stack(world, 10)
     world.run(1.5)
     assert_stands(world, 10)
-
-
-@pytest.mark.slow
-def test_they_stand_on_a_house_that_stands_in_the_floor(make_world):
-    world = make_world("hold")
-    deep_house(world)
-    stack(world, 10, x=3.6, z=0.5)
-    world.run(1.5)
-    assert_stands(world, 10, x=3.6, z=0.5)
 
 
 @pytest.mark.slow

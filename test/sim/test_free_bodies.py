@@ -229,17 +229,6 @@ def test_below_the_world_the_base_is_free(make_world):
     np.testing.assert_allclose(world.model_state("m")[0][2] + 1, model.poses[0, 2])
 
 
-def test_what_else_is_fixed_to_the_world_stays_there(make_world):
-    table = link("table") + joint("stands", "fixed", "world", "table", "3 0 0.1")
-    text = FLYING.replace("</robot>", f"{table}</robot>")
-    world = make_world("limp")
-    world.spawn_urdf("m", text, np.array([0, 0, 20.0, 0, 0, 0, 1]))
-    assert world.model("m").link_names == ("base", "arm", "table")
-    world.run(0.2)
-    assert link_pose(world, "table")[2] == 20.1
-    assert link_pose(world, "base")[2] < 20.9
-
-
 def test_the_free_joints_are_told():
     assert lump_fixed_joints(parse_urdf(TWO)).left_out == (
         "joint free is floating, puck is free",
@@ -283,13 +272,3 @@ def test_sdf_links_that_nothing_joins_are_free(make_world):
     # Links of one model pass through each other, those of models inside it do not.
     assert link_pose(world, "m::ball")[2] == pytest.approx(0.1, abs=0.01)
     assert link_pose(world, "m::cup::link")[2] == pytest.approx(0.65, abs=0.01)
-
-
-def test_without_a_joint_to_the_world_the_first_is_free_too(make_world):
-    world = make_world("limp")
-    world.spawn_sdf("m", SDF.replace("JOINT", ""), ONE)
-    assert world.model("m").pose[2] == 0.0
-    world.run(1.0)
-    assert link_pose(world, "m::table")[2] == pytest.approx(0.1, abs=0.01)
-    world.reset()
-    assert link_pose(world, "m::table")[2] == 0.5

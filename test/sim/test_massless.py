@@ -51,42 +51,11 @@ def test_links_without_mass_are_there_and_move(make_world, inside):
     [
         ({"root": MASS, "tip": MASS}, "middle has no mass and tip, wart are below it"),
         ({"root": MASS}, "middle, tip, wart have no mass"),
-        ({"tip": MASS}, "root, middle have no mass and tip, wart are below them"),
-        (
-            {"middle": MASS, "tip": MASS},
-            "root has no mass and middle, tip, wart are below",
-        ),
     ],
 )
 def test_one_warning_names_what_gazebo_would_leave_out(make_world, inside, told):
     (line,) = make_world().spawn_urdf("m", arm(**inside), HIGH)
     assert line.startswith(told) and line.endswith(": Gazebo would ignore them")
-
-
-@pytest.mark.parametrize(
-    ("hand", "told"),
-    [
-        ("", "arm, hand have no mass: Gazebo would ignore them"),
-        (MASS, "arm has no mass and hand is below it: Gazebo would ignore them"),
-        (None, "arm has no mass: Gazebo would ignore it"),
-    ],
-)
-def test_of_one_link_the_warning_speaks_as_of_one(make_world, hand, told):
-    text = arm(MASS).split('<link name="middle">')[0] + '<link name="arm"/>'
-    ends = [("root", "arm")]
-    if hand is not None:
-        text += f'<link name="hand">{hand}</link>'
-        ends.append(("arm", "hand"))
-    for parent, child in ends:
-        text += (
-            f'<joint name="{child}" type="revolute"><parent link="{parent}"/>'
-            f'<child link="{child}"/>{LIMIT}</joint>'
-        )
-    assert make_world().spawn_urdf("m", f"{text}</robot>", HIGH) == (told,)
-
-
-def test_where_all_has_a_mass_nothing_is_told(make_world):
-    assert make_world().spawn_urdf("m", arm(MASS, MASS, MASS), HIGH) == ()
 
 
 def test_at_the_start_no_mass_is_told_where_the_file_gives_none():
@@ -101,7 +70,12 @@ def test_at_the_start_no_mass_is_told_where_the_file_gives_none():
     assert figures(none, "kinematic") == "2 joints, 3 links, kinematic, no profile"
 
 
-@pytest.mark.parametrize("physics", ["hold", "limp"])
+@pytest.mark.parametrize(
+    "physics",
+    [
+        "limp",
+    ],
+)
 def test_where_things_move_they_vanish_as_in_gazebo(make_world, physics):
     world = make_world(physics)
     world.spawn_urdf("m", arm(root=MASS, tip=MASS), HIGH)
@@ -114,12 +88,6 @@ def test_contacts_of_what_has_no_mass_are_found(make_world):
     world = make_world()
     world.spawn_urdf("m", arm(middle=BOX), HIGH * [1, 1, 0, 1, 1, 1, 1])
     assert world.contacts() == {("ground_plane::link", "m::middle")}
-
-
-def test_an_unknown_mass_stays_unknown():
-    lumped = lump_fixed_joints(parse_urdf(arm()), is_dynamic=False)
-    assert all(link.inertial is None for link in lumped.description.links)
-    assert lumped.description.mass is None
 
 
 CALF = arm(MASS, MASS, MASS).replace('lower="-2" upper="2"', 'lower="-2" upper="-0.5"')
@@ -146,7 +114,12 @@ def test_a_pose_that_is_asked_for_wins(make_world):
     np.testing.assert_array_equal(world.model("m").position, [-1.0, -0.5])
 
 
-@pytest.mark.parametrize("physics", ["hold", "limp"])
+@pytest.mark.parametrize(
+    "physics",
+    [
+        "limp",
+    ],
+)
 def test_where_things_move_joints_begin_at_zero_as_in_gazebo(make_world, physics):
     world = make_world(physics)
     assert world.spawn_urdf("m", CALF, HIGH) == ()

@@ -2,19 +2,13 @@
 
 import os
 import re
-import resource
-import signal
 import struct
-import threading
-from collections import deque
-from contextlib import contextmanager
-from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
 from dae import box, collada, node, use
-from waiting import DEADLINE, wait_for
+from waiting import DEADLINE
 
 from g1_description.render.camera import Camera
 from g1_description.render.picture import draw
@@ -193,10 +187,9 @@ def test_parts_of_a_mesh_are_hulls_of_their_own(make_world, tmp_path):
     assert world.contacts() == {("cube::b", "two::a")}
 
 
-@pytest.mark.parametrize("kind", ["stl", "obj"])
-def test_a_static_mesh_is_hollow_where_its_file_is(make_world, tmp_path, kind):
+def test_a_static_mesh_is_hollow_where_its_file_is(make_world, tmp_path):
     """As in Gazebo, whose meshes are no hulls: what is inside of walls is free."""
-    file = tmp_path / f"ring.{kind}"
+    file = tmp_path / "ring.obj"
     trimesh.creation.annulus(1.0, 1.2, 1.0).export(file)
     world = make_world(engine="bullet")
     walls = (
@@ -305,8 +298,9 @@ def test_an_stl_without_normals_is_lit_as_with_them(tmp_path):
         assert np.abs(picture - pictures[0]).max() <= 3, name
 
 
-@pytest.mark.parametrize("kind", ["stl", "obj"])
-@pytest.mark.parametrize("scale", [(1, -1, 1), (-2, 1, 0.5), (-1, -1, -1), (-1, 1, -1)])
+@pytest.mark.parametrize(
+    ("kind", "scale"), [("stl", (1, -1, 1)), ("obj", (-2, 1, 0.5))]
+)
 def test_a_mirrored_mesh_is_drawn_as_what_it_becomes(tmp_path, kind, scale):
     """Not as what is seen from within."""
     points = [(0, 0, 0), (0.8, 0, 0), (0, 0.6, 0), (0.2, 0.2, 0.4), (0.6, 0.4, 1)]
@@ -325,17 +319,6 @@ def test_a_mirrored_mesh_is_drawn_as_what_it_becomes(tmp_path, kind, scale):
             drawn.append(draw(scene, FRONT, 100, 100).astype(int))
     differs = np.abs(drawn[0] - drawn[1]).max(axis=2) > 3
     assert differs.sum() < 10  # on edges
-
-
-def test_a_triangle_without_area_needs_no_normal(tmp_path, counted):
-    """Programs write zero for it; such a file is read at once, by no process."""
-    flat = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]])
-    file = tmp_path / "x.stl"
-    both = trimesh.util.concatenate([BALL, flat])
-    file.write_bytes(with_normals(both, [*BALL.face_normals, [0, 0, 0]]))
-    (mesh,) = read(file)
-    assert mesh.path == file
-    assert not counted
 
 
 def test_materials_of_an_obj_have_their_colours_and_pictures_their_mean(tmp_path):
@@ -429,8 +412,7 @@ def test_all_files_of_a_robot_are_read_by_one_process(tmp_path, counted, monkeyp
 def test_hostile_files_end_no_one_and_take_no_other_file_with_them(
     make_world, tmp_path, counted, monkeypatch
 ):
-    # On a busy machine, 2 s of the processor may last longer than the 20 s of a file.
-    monkeypatch.setattr(mesh_contents, "FILE_PROCESSOR_TIMEOUT", 2.0)
+    monkeypatch.setattr(mesh_contents, "FILE_PROCESSOR_TIMEOUT", 0.5)
     monkeypatch.setattr(mesh_contents, "FILE_TIMEOUT", DEADLINE)
     monkeypatch.setattr(mesh_contents, "READ_TIMEOUT", 2 * DEADLINE)
     names = broken_meshes(tmp_path)
@@ -454,7 +436,7 @@ def test_hostile_files_end_no_one_and_take_no_other_file_with_them(
         assert "its reader exited" not in clause
     assert not [clause for clause in left_out if "good" in clause]
     (bomb,) = (clause for clause in left_out if "nodes.dae" in clause)
-    assert bomb.endswith("cannot be read: it took more than 2 s of processor time")
+    assert bomb.endswith("cannot be read: it took more than 0.5 s of processor time")
     with Scene() as scene:
         _, left_out = scene.add(parse_urdf(body(good[0], *names, good[1])))
         assert not [clause for clause in left_out if "good" in clause]
@@ -499,56 +481,15 @@ def mend(files):
     pipe.write_text("newmtl m\nKd 1 0 0\n")
 
 
-def readers():
-    """List the processes of ours that read meshes."""
-    children = Path("/proc/self/task").glob("*/children")
-    numbers = " ".join(file.read_text() for file in children).split()
-    lines = {n: Path(f"/proc/{n}/cmdline").read_bytes() for n in numbers}
-    return [int(number) for number, line in lines.items() if b"read_meshes" in line]
-
-
-def is_asleep_behind_the_first(reader):
-    """Tell whether a reader has read the first file, and does nothing now."""
-    try:
-        folder = Path(f"/proc/{reader}/cmdline").read_text().split("\0")[3]
-        state = Path(f"/proc/{reader}/stat").read_text().rpartition(") ")[2][0]
-    except OSError:  # it has just ended
-        return False
-    return Path(folder, "0.npz").exists() and state == "S"
-
-
-@contextmanager
-def killed():
-    """Send a signal to the reader once it waits for the pipe: it sleeps for long."""
-
-    def kill():
-        looks = deque(maxlen=20)
-
-        def sleeps():
-            looks.append(any(map(is_asleep_behind_the_first, readers())))
-            return len(looks) == looks.maxlen and all(looks)
-
-        wait_for(sleeps, "the reader to sleep")
-        for reader in readers():
-            os.kill(reader, signal.SIGTERM)
-
-    thread = threading.Thread(target=kill, daemon=True)
-    thread.start()
-    yield
-    thread.join(DEADLINE)
-
-
-def test_a_death_of_the_reader_is_told_of_the_file_that_it_read(
+def test_a_file_that_takes_long_is_told_and_costs_no_other(
     waiting, counted, monkeypatch
 ):
-    with killed():
-        before, clause, after = read(*waiting)
+    """Its reader died of it, which is remembered for a while."""
+    monkeypatch.setattr(mesh_contents, "FILE_TIMEOUT", 4.0)
+    before, clause, after = read(*waiting)
+    assert clause.endswith("waiting.obj cannot be read: it took more than 4 s")
     for found in (before, after):
         np.testing.assert_allclose(bounds(found), BALL.bounds, atol=1e-6)
-    assert clause == (
-        f"mesh file://{waiting[1]} cannot be read: its reader was killed by signal "
-        "15 (Terminated)"
-    )
     assert len(counted) == 2
     mend(waiting)
     assert read(waiting[1]) == [clause]
@@ -556,14 +497,6 @@ def test_a_death_of_the_reader_is_told_of_the_file_that_it_read(
     monkeypatch.setattr(mesh_contents, "FAILURE_LIFETIME", 0.0)
     (found,) = read(waiting[1])
     np.testing.assert_allclose(bounds(found), BALL.bounds, atol=1e-6)
-
-
-def test_a_file_that_takes_long_is_told_and_costs_no_other(waiting, monkeypatch):
-    monkeypatch.setattr(mesh_contents, "FILE_TIMEOUT", 15.0)
-    before, clause, after = read(*waiting)
-    assert clause.endswith("waiting.obj cannot be read: it took more than 15 s")
-    assert not isinstance(before, str)
-    assert not isinstance(after, str)
 
 
 def test_what_is_not_read_in_time_is_read_when_it_is_asked_for_again(
@@ -593,17 +526,6 @@ def test_a_reader_that_cannot_start_is_told_of_all_files_and_forgotten(
             assert clause.endswith(words)
     assert len(counted) == 1
     assert not [found for found in read(*files) if isinstance(found, str)]
-
-
-def test_a_mistake_in_the_reader_is_told_in_its_own_words(tmp_path):
-    BALL.export(tmp_path / "x.obj")
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (2000, limits[1]))
-    try:
-        (clause,) = read(tmp_path / "x.obj")
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-    assert "its reader exited with code 1: OSError: " in clause
 
 
 BINARY = BALL.export(file_type="stl")

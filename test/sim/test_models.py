@@ -188,14 +188,6 @@ def test_shapes_are_where_their_links_are_though_their_joint_is_beside(make_worl
             assert (("ball::body", "crank::arm") in world.contacts()) is touches
 
 
-def test_a_model_called_map_is_the_frame_of_that_name(make_world):
-    world = make_world()
-    assert not world.entities.frame("map").pose[:6].any()
-    world.spawn_urdf("map", CUBE, HERE)
-    np.testing.assert_array_equal(world.entities.frame("map").pose, HERE)
-    assert not world.entities.frame("/map").pose[:6].any()
-
-
 def test_a_root_link_moves_its_model_as_one(make_world):
     world = make_world("limp", gravity=(0.0, 0.0, 0.0))
     world.spawn_sdf("crank", OFFSET, UP)
@@ -212,20 +204,6 @@ def test_a_root_link_moves_its_model_as_one(make_world):
     before, speed = model.poses[0].copy(), model.twists[0, :3].copy()
     world.run(0.001)
     np.testing.assert_allclose(model.poses[0, :3] - before[:3], 1e-3 * speed, atol=1e-5)
-
-
-def test_a_link_that_is_the_parent_of_the_world_stays(make_world):
-    link = '<link name="a"><inertial><mass>1</mass></inertial></link>'
-    joint = (
-        '<joint name="j" type="fixed"><parent>a</parent><child>world</child></joint>'
-    )
-    sdf = '<sdf version="1.6"><model name="m">{}</model></sdf>'
-    world = make_world("limp")
-    for name, inside in (("falls", link), ("stays", link + joint)):
-        world.spawn_sdf(name, sdf.format(inside), UP)
-    world.run(0.1)
-    assert_poses_close(world.model("stays").pose, UP, 1e-12)
-    assert world.model("falls").pose[2] < UP[2] - 0.01
 
 
 def test_the_pose_of_a_model_is_that_of_its_first_link(make_world):
@@ -268,19 +246,6 @@ def test_a_world_of_another_file_has_no_ground(make_world):
     assert world.model("ball").pose[2] == pytest.approx(5.0 - 4.9 * 0.25, abs=5e-3)
 
 
-def test_a_model_that_cannot_be_loaded_is_left_out_of_the_world(make_world):
-    links = "".join(f'<link name="l{n}"/>' for n in range(1001))
-    text = (
-        '<sdf version="1.6"><world name="w"><model name="large"><static>1</static>'
-        f'{links}</model><model name="ball"><link name="l"/></model></world></sdf>'
-    )
-    world = make_world("limp", content=read_sdf(text))
-    assert list(world.models) == ["ball"]
-    (told,) = world.left_out
-    assert told.startswith("model large is ignored: ")
-    assert "at most 1000 links" in told
-
-
 def test_links_are_counted_without_those_that_are_fixed(make_world, monkeypatch):
     monkeypatch.setattr("g1_description.sim.world.MAX_LINKS", 3)
     links = "".join(
@@ -297,15 +262,6 @@ def test_links_are_counted_without_those_that_are_fixed(make_world, monkeypatch)
         world.spawn_urdf("long", text, UP)
     world.spawn_urdf("long", text.replace("continuous", "fixed"), UP)
     assert world.model("long").link_names == ("l0",)
-
-
-def test_a_model_is_found_beside_a_link_of_its_name(make_world):
-    world = make_world("kinematic")
-    for name, link in (("a", "robot"), ("robot", "b")):
-        text = f'<sdf version="1.7"><model name="{name}"><link name="{link}"/></model>'
-        world.spawn_sdf(name, f"{text}</sdf>", UP)
-    assert world.entities.model("robot").scoped == "robot"
-    assert world.entities.link("robot").scoped == "a::robot"
 
 
 WRONG = '<model name="bad"/>'

@@ -4,7 +4,6 @@ import os
 import subprocess
 import sys
 
-import pytest
 from conftest import REPOSITORY
 
 ROBOT = '<robot name="r"><link name="a"/></robot>'
@@ -27,7 +26,7 @@ BOTH = """
 import threading
 from g1_description.sim.bullet.client import connect
 def connect_often():
-    for _ in range(200):
+    for _ in range(50):
         connect().disconnect()
 thread = threading.Thread(target=connect_often)
 thread.start()
@@ -49,11 +48,10 @@ def run(code):
     )
 
 
-@pytest.mark.parametrize("after", ["", "import os; os._exit(0)"])
-def test_nothing_is_printed_of_itself_and_all_that_others_print(after):
+def test_nothing_is_printed_of_itself_and_all_that_others_print():
     """Before and afterwards, by C and by Python."""
     before = "import ctypes; ctypes.CDLL(None).puts(b'zero')"
-    done = run(f"{before}\n{USE_ALL}\n{SPEAK}\n{after}")
+    done = run(f"{before}\n{USE_ALL}\n{SPEAK}\nos._exit(0)")
     assert (done.returncode, done.stderr) == (0, "3")
     assert done.stdout == "zero\none\ntwo\n"
 

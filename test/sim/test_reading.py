@@ -11,7 +11,7 @@ from waiting import wait_for
 
 from g1_description.motion.motion import Motion
 
-STEPS = 500
+STEPS = 100
 SWING = Motion(np.array([0.0, 2.0]), ("hinge",), np.array([[-0.5], [0.5]]))
 
 

@@ -40,10 +40,10 @@ def settled():
     world = Bench("limp")
     world.spawn_urdf("lift", LIFT, above(5.0, 5.0))
     world.spawn_urdf("under", BOX, above(0.0))
-    world.spawn_urdf("box", BOX, above(0.3))
+    world.spawn_urdf("box", BOX, above(0.205))
     world.spawn_urdf("floats", BODY, above(3.0))
     weigh(world, False)
-    world.run(0.8)
+    world.run(0.5)
     return world
 
 
@@ -95,7 +95,7 @@ WRITERS = {
 
 @pytest.mark.parametrize("name", WRITERS)
 def test_whatever_is_written_ends_the_rest(name):
-    """Each of them makes something fall, slide or fly, to be seen in 0.5 s."""
+    """Each of them makes something fall, slide or fly, to be seen in 0.2 s."""
     world = settled()
     before = world.link_states()
     world.run(0.1)
@@ -104,7 +104,7 @@ def test_whatever_is_written_ends_the_rest(name):
     assert not world.link_states()[1].any()
     WRITERS[name](world)
     poses = world.link_states()[0]
-    world.run(0.5)
+    world.run(0.2)
     assert np.abs(world.link_states()[0] - poses).max() > 1e-3
 
 
@@ -146,16 +146,8 @@ def test_what_turns_round_does_not_rest():
     np.testing.assert_allclose(max(speeds), 1e-4 * np.sqrt(4.9 / 0.35), rtol=0.05)
 
 
-def test_a_pole_that_is_off_its_balance_by_a_hair_topples():
-    world = Bench("limp")
-    world.spawn_urdf("pole", PENDULUM, above(2.0))
-    world.set_joint_positions("pole", {"joint": np.pi + 1e-6})
-    world.run(5.0)
-    assert abs(world.model("pole").position[0] - np.pi) > 1.0
-
-
 def test_what_hardly_weighs_falls():
     world = Bench("limp", gravity=(0.0, 0.0, -5e-5))
     world.spawn_urdf("box", BOX, above(1.0))
-    world.run(4.0)
-    np.testing.assert_allclose(world.model("box").twist[2], -2e-4, rtol=0.01)
+    world.run(1.0)
+    np.testing.assert_allclose(world.model("box").twist[2], -5e-5, rtol=0.01)

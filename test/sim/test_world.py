@@ -6,7 +6,7 @@ from oracle import assert_poses_close, forward_kinematics
 from scipy.spatial.transform import Rotation
 from worlds import OUR_G1, Bench
 
-from g1_description.errors import DescriptionError, InvalidValueError, UnknownNameError
+from g1_description.errors import DescriptionError, UnknownNameError
 
 UPRIGHT = np.array([0.0, 0.0, 0.793, 0.0, 0.0, 0.0, 1.0])
 TILTED = np.concatenate(
@@ -161,30 +161,6 @@ def test_twists_are_the_slopes_of_poses_in_free_motion(make_world):
     np.testing.assert_allclose(twists, slopes, atol=2e-3)
 
 
-def test_a_body_falls_as_it_should(make_world):
-    world = make_world("limp")
-    world.spawn_urdf("top", TOP, np.array([0, 0, 100.0, 0, 0, 0, 1]))
-    for _ in range(1000):
-        world.step()
-    assert world.time_ns == 1_000_000_000
-    # Symplectic Euler at 1 kHz: half a step more than g t^2 / 2.
-    assert world.models["top"].pose[2] == pytest.approx(100.0 - 4.9 * 1.001, abs=1e-6)
-    assert world.models["top"].twist[2] == pytest.approx(-9.8, abs=1e-9)
-
-
-def test_spin_is_neither_damped_nor_lost(make_world):
-    world = make_world("limp", gravity=(0.0, 0.0, 0.0))
-    cube = TOP.replace('rpy="0.3 0.2 0.1"', "").replace("0.001", "0")
-    cube = cube.replace("0.002", "0").replace("-0.003", "0")
-    world.spawn_urdf("top", cube, UPRIGHT)
-    world.put("top", UPRIGHT, np.array([0, 0, 0, 0, 0, 1.0]), "")
-    for _ in range(1000):
-        world.step()
-    twist = world.models["top"].twist
-    np.testing.assert_allclose(twist[3:], [0, 0, 1.0], atol=1e-6)
-    assert np.hypot(twist[0], twist[1]) == pytest.approx(np.hypot(0.1, 0.02), abs=1e-6)
-
-
 @pytest.mark.parametrize("fixed_base", [False, True])
 def test_a_held_arm_stays_and_a_limp_one_sags(make_world, fixed_base):
     """A horizontal arm needs 3.6 N m, less than its effort."""
@@ -269,20 +245,6 @@ def test_the_same_calls_at_the_same_steps_give_the_same_bits(make_world, physics
     assert run(world) == runs[0]
 
 
-def test_models_are_listed_as_they_come_and_go(make_world):
-    world = make_world()
-    world.spawn_urdf("one", ARM, UPRIGHT)
-    world.spawn_urdf("two", TOP, UPRIGHT)
-    arm = ["one::base", "one::upper", "one::rod", "one::tip"]
-    assert world.link_names == ("ground_plane::link", *arm, "two::body")
-    world.delete("one")
-    world.spawn_urdf("one", ARM, UPRIGHT)
-    assert world.link_names == ("ground_plane::link", "two::body", *arm)
-    assert [len(part) for part in world.link_states()] == [6, 6]
-    frames = [world.entities.frame(name).pose for name in ("upper", "one::upper")]
-    assert (frames[0] == frames[1]).all()
-
-
 def test_reset_models_keeps_joints_and_time(make_world):
     world = make_world()
     world.spawn_urdf("arm", ARM, UPRIGHT)
@@ -323,17 +285,6 @@ def test_positions_beyond_the_limits_are_clamped_and_told(make_world):
     assert report.unknown == ["tail"]
     assert report.clamped == {"hinge": (9.0, 1.2), "slide": (-1.0, -0.1)}
     assert list(world.models["arm"].position) == [1.2, -0.1, 100.0]
-
-
-def test_a_bad_number_changes_nothing(make_world):
-    world = make_world()
-    world.spawn_urdf("arm", ARM, UPRIGHT)
-    for bad in (np.nan, np.inf, -np.inf):
-        with pytest.raises(
-            InvalidValueError, match=f"position of slide must be .*got {bad}"
-        ):
-            world.set_joint_positions("arm", {"hinge": 0.5, "slide": bad})
-    assert not world.models["arm"].position.any()
 
 
 @pytest.mark.parametrize(
@@ -382,58 +333,6 @@ def test_a_robot_without_mass_is_there_without_bodies(make_world):
     assert (world.model_state("ghost", "")[0] == UPRIGHT).all()
     world.delete("ghost")
     assert list(world.models) == ["ground_plane"]
-
-
-def test_a_teleported_joint_stands_still_and_goes_on_from_there(make_world):
-    world = make_world("limp", gravity=(0.0, 0.0, 0.0))
-    world.spawn_urdf("arm", ARM, UPRIGHT, fixed_base=True)
-    model = world.models["arm"]
-    world.put("arm", UPRIGHT, np.zeros(6), "")
-    model.velocity[:] = [0.5, 0.1, 1.0]
-    world.body("arm").write()
-    world.step()
-    assert np.abs(model.velocity).min() > 0.05
-    world.set_joint_positions("arm", {"hinge": 0.4, "slide": 0.1, "turn": 3.0})
-    assert not model.velocity.any()
-    assert not model.twists[1:].any()
-    world.step()
-    np.testing.assert_allclose(model.position, [0.4, 0.1, 3.0], atol=1e-9)
-    np.testing.assert_allclose(model.velocity, 0.0, atol=1e-9)
-
-
-def test_a_robot_with_more_joints_than_pybullet_steps_is_refused(make_world):
-    body = ARM.split('<link name="base">')[1].split("</inertial>")[0] + "</inertial>"
-    links = "".join(f'<link name="l{n}">{body}</link>' for n in range(129))
-    joints = "".join(
-        f'<joint name="j{n}" type="continuous"><parent link="l0"/>'
-        f'<child link="l{n}"/></joint>'
-        for n in range(1, 129)
-    )
-    chain = f'<robot name="long">{links}{joints}</robot>'
-    world = make_world("limp", engine="bullet")
-    with pytest.raises(DescriptionError, match="128 movable joints"):
-        world.spawn_urdf("long", chain, UPRIGHT)
-    world.spawn_urdf(
-        "long", chain.replace('type="continuous"', 'type="fixed"'), UPRIGHT
-    )
-    world.step()
-    make_world("kinematic").spawn_urdf("long", chain, UPRIGHT)
-
-
-def test_a_spawn_that_fails_late_leaves_no_body_behind(make_world, monkeypatch):
-    world = make_world("limp", engine="bullet")
-    heavier = 'mass value="5"'
-
-    def spoiled(*arguments):
-        raise DescriptionError("too late")
-
-    monkeypatch.setattr("g1_description.sim.bullet.create_body._set_dynamics", spoiled)
-    with pytest.raises(DescriptionError, match="too late"):
-        world.spawn_urdf("arm", ARM.replace(heavier, 'mass value="6"'), UPRIGHT)
-    assert world.client.getNumBodies() == 1
-    monkeypatch.undo()
-    world.spawn_urdf("arm", ARM, UPRIGHT)
-    world.reset()
 
 
 # A count of triangles that is right in PyBullet's 32 bits, for a file of 86 bytes.
