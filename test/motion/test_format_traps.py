@@ -2,17 +2,16 @@
 
 import io
 import json
-import time
 
 import numpy as np
 import pytest
-from conftest import REPOSITORY, VENDOR
+from conftest import REPOSITORY
 from scipy.spatial.transform import Rotation
 
 from g1_description import Robot
 from g1_description.checks.batch import FileChecker
-from g1_description.cli.motion_paths import motion_files, picture_names
-from g1_description.errors import InvalidValueError, MotionError
+from g1_description.cli.motion_paths import motion_files
+from g1_description.errors import MotionError
 from g1_description.motion.files.conventions import G1_JOINTS, ISAAC_JOINTS
 from g1_description.motion.files.formats import (
     has_neighbours,
@@ -68,20 +67,6 @@ def seed_columns(place=100.0, angle=180.0 / np.pi):
     return columns
 
 
-def test_bones_seed_is_read_by_names_in_cm_and_degrees(g1, file):
-    columns = dict(reversed(list(seed_columns().items())))
-    motion = read_motion(file(table(columns)), g1)
-    wanted = configurations()
-    assert motion.notes == (
-        "The file has no times; assuming 120 Hz, the rate of BONES-SEED.",
-    )
-    assert motion.times[1] == 1.0 / 120.0
-    base = wanted[:, [0, 1, 2, 4, 5, 6, 3]]
-    np.testing.assert_allclose(motion.base_poses, base, atol=1e-12)
-    assert motion.joint_names == tuple(reversed(JOINTS))
-    np.testing.assert_allclose(motion.positions[:, ::-1], wanted[:, 7:], atol=1e-12)
-
-
 def test_bones_seed_in_other_units_is_refused_or_told(g1, file):
     with pytest.raises(MotionError, match=r"most 0.78 cm high: this looks like met"):
         read_motion(file(table(seed_columns(place=1.0))), g1)
@@ -121,20 +106,6 @@ def write_sonic(folder, **changed):
             path = folder / f"{name}.csv"
             np.savetxt(path, values, delimiter=",", header=header, comments="")
     return folder
-
-
-def test_a_sonic_folder_may_lack_tables(g1, tmp_path):
-    motion = read_motion(write_sonic(tmp_path / "all"), g1)
-    wanted = configurations()
-    column = [7 + JOINTS.index(name) for name in motion.joint_names]
-    np.testing.assert_allclose(motion.positions, wanted[:, column])
-    assert motion.times[1] == 0.02
-    no_place = read_motion(write_sonic(tmp_path / "turns", body_pos=None), g1)
-    assert "body_pos.csv is missing: the place of the base" in no_place.notes[1]
-    joints = write_sonic(tmp_path / "joints", body_quat=None)
-    assert read_motion(joints, g1).base_poses is None
-    turns = write_sonic(tmp_path / "base", joint_pos=None)
-    assert read_motion(turns, g1).joint_names == ()
 
 
 def test_what_is_wrong_in_a_sonic_folder_is_told(g1, tmp_path):
@@ -238,19 +209,6 @@ def test_motions_of_loco_mujoco_begin_at_split_points(g1, file):
         read_motion(path.with_name("loco.npz#0"), g1)
 
 
-def test_several_motions_in_a_file_are_one_task_or_many(file, tmp_path):
-    path = file(loco_mujoco([0, 3, N]), "loco.npz")
-    assert [task.path for task in motion_files([path]).tasks] == [path]
-    tasks = motion_files([path, tmp_path / "loco.npz#1"], every=True).tasks
-    assert [task.name for task in tasks] == [f"{path}#0", f"{path}#1"]
-    assert [str(n) for n in picture_names(tasks)] == [
-        "loco.npz#0.png",
-        "loco.npz#1.png",
-    ]
-    with pytest.raises(InvalidValueError, match="does not exist"):
-        motion_files([tmp_path / "none.npz#1"])
-
-
 def write_any4hdmi(folder, **changed):
     (folder / "motions").mkdir()
     path = folder / "motions" / "walk.npz"
@@ -339,30 +297,6 @@ def test_the_base_of_tracking_is_the_body_of_its_name(g1, file):
     )
 
 
-def amp(bodies=("left_knee_link", "pelvis")):
-    qpos = configurations()
-    n_bodies = len(bodies)
-    places, turns = np.zeros((N, n_bodies, 3)), np.zeros((N, n_bodies, 4))
-    places[:, -1], turns[:, -1] = qpos[:, :3], qpos[:, 3:7]
-    return npz(
-        fps=60,
-        dof_names=np.array(JOINTS[::-1]),
-        body_names=np.array(bodies),
-        dof_positions=qpos[:, 7:],
-        body_positions=places,
-        body_rotations=turns,
-    )
-
-
-def test_the_base_of_isaac_labs_amp_is_the_body_of_its_name(g1, file):
-    motion = read_motion(file(amp()), g1)
-    assert motion.joint_names == JOINTS[::-1]
-    assert motion.base_poses[0, :3].tolist() == [0.1, 0.2, 0.78]
-    assert motion.times[1] == 1.0 / 60.0
-    with pytest.raises(MotionError, match="The bodies lack the base, pelvis: "):
-        read_motion(file(amp(("left_knee_link",))), g1)
-
-
 def holomotion(*prefixes, **metadata):
     qpos = configurations()
     arrays = {"metadata": np.array(json.dumps({"motion_fps": 50.0, **metadata}))}
@@ -404,18 +338,6 @@ def test_pyroki_and_npy_may_have_a_rate(g1, file):
     assert "assuming 120 Hz, the usual rate of AMASS" in notes_of(
         file(stream.getvalue(), "walk.npy"), g1
     )
-
-
-@pytest.mark.parametrize(
-    "name, rate",
-    [("a_000hz", 120), ("a_1000hz", 1000), ("a_025_Hz", 25), ("a_000123_jpos", 120)],
-)
-def test_a_rate_in_the_name_of_a_file_counts(g1, file, name, rate):
-    stream = io.BytesIO()
-    np.save(stream, configurations()[:, [0, 1, 2, 4, 5, 6, 3, *range(7, 36)]])
-    motion = read_motion(file(stream.getvalue(), f"{name}.npy"), g1)
-    assert motion.times[1] == 1.0 / rate
-    assert f"assuming {rate} Hz" in motion.notes[0]
 
 
 def test_an_option_that_decides_nothing_is_told(g1, file):
@@ -486,52 +408,19 @@ def test_neighbours_of_a_file_are_read_where_it_is(tmp_path, file):
     "arrays",
     [
         {"qpos": np.zeros(36)},
-        {"qpos": np.zeros((0, 36)), "fps": 30},
         {"qpos": configurations(), "fps": 30, "joint_names": np.array(["a"] * 40)},
         {"qpos": configurations(), "split_points": np.zeros((2, 2)), "fps": 30},
-        {"joint_pos": np.zeros(3), "joint_names": np.array(["a"]), "body_names": "a"},
         {
             "metadata": "{}",
             "ref_dof_pos": np.zeros((N, 29)),
             "ref_global_translation": np.zeros((N, 0, 3)),
             "ref_global_rotation_quat": np.zeros((N, 4)),
         },
-        {"base_frame_pos": 1.0, "base_frame_wxyz": 1.0, "joint_angles": np.zeros(3)},
-        {"dof_names": 1, "body_names": 1, "dof_positions": 1, "body_positions": 1},
     ],
 )
 def test_arrays_of_wrong_shapes_are_told(g1, file, arrays):
     with pytest.raises(MotionError, match=r"^motion: .*\.$"):
         read_motion(file(npz(**arrays)), g1)
-
-
-@pytest.mark.parametrize(
-    "content, words",
-    [
-        (
-            lambda: npz(
-                qpos=configurations(), fps=30, split_points=np.zeros(9_000_000)
-            ),
-            "split_points has 8999999 motions; the limit is 100000",
-        ),
-        (lambda: holomotion("ref_", a="b" * 20_000_000), "20 million characters"),
-        (
-            lambda: npz(
-                metadata=np.array('{"a":' + "[" * 900_000),
-                ref_dof_pos=np.zeros((N, 29)),
-                ref_global_translation=np.zeros((N, 3)),
-                ref_global_rotation_quat=np.ones((N, 4)),
-            ),
-            "metadata is not valid JSON",
-        ),
-    ],
-)
-def test_a_hostile_array_is_refused_at_once(g1, file, content, words):
-    path = file(content())
-    begin = time.process_time()
-    with pytest.raises(MotionError, match=words):
-        read_motion(path, g1)
-    assert time.process_time() - begin < 5.0
 
 
 def changed(*joints, value):
@@ -586,11 +475,3 @@ def test_what_looks_wrong_is_told_with_the_reason(g1, file, qpos, hint):
 def test_what_is_only_unusual_is_no_reason_for_a_hint(g1, file):
     for qpos in (configurations(), turned("y", 20, 0.8)):
         assert read_motion(file(npz(qpos=qpos, fps=30)), g1).notes == ()
-
-
-def test_published_motions_get_no_hints(g1):
-    folder = VENDOR.parents[1] / "motions"
-    if not folder.exists():
-        pytest.skip("the motions of others are not beside the repository")
-    for path in sorted(folder.glob("*.csv")):
-        assert read_motion(path, g1, ReadOptions(60.0)).notes == ()

@@ -5,14 +5,12 @@ import json
 import pickle
 import pickletools
 import re
-import sys
 import zipfile
-import zlib
 from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import REPOSITORY, VENDOR
+from conftest import REPOSITORY
 from scipy.spatial.transform import Rotation
 
 from g1_description.errors import MotionError, NoMotionError
@@ -36,7 +34,6 @@ from g1_description.motion.files.torch_files import read_torch
 from g1_description.motion.motion import Motion
 from g1_description.robot.load import read_model
 
-FOLDER = VENDOR.parents[1] / "motion_formats"
 RANDOM = np.random.default_rng(5)
 N_SAMPLES = 4
 POSITIONS = RANDOM.uniform(-0.2, 0.2, size=(N_SAMPLES, 29))
@@ -452,7 +449,7 @@ def test_a_damaged_file_is_read_or_refused_in_a_sentence(g1, file, name):
     whole = whole.encode() if isinstance(whole, str) else whole
     random = np.random.default_rng(11)
     refused = 0
-    for _ in range(50):
+    for _ in range(15):
         data = bytearray(whole[: random.integers(1, len(whole) + 1)])
         if random.integers(2):
             data = bytearray(whole)
@@ -464,7 +461,7 @@ def test_a_damaged_file_is_read_or_refused_in_a_sentence(g1, file, name):
             refused += 1
             assert "\n" not in str(error)
             assert len(str(error)) < 500
-    assert refused > 10
+    assert refused > 2
 
 
 def test_one_of_several_motions_is_chosen_by_its_name(g1, file):
@@ -481,35 +478,6 @@ def test_one_of_several_motions_is_chosen_by_its_name(g1, file):
     np.testing.assert_array_equal(motion.positions, POSITIONS[:, ::-1])
 
 
-@pytest.mark.parametrize("rows", [[np.array(1.0)], [[0.0] * 35, np.array(1.0)]])
-def test_frames_that_are_no_rows_are_told(g1, file, rows):
-    with pytest.raises(MotionError, match=r"frames must (be rows|contain numbers)"):
-        read_motion(file(pickle.dumps({**framed(), "frames": rows})), g1)
-
-
-def test_motions_of_a_large_library_are_read_as_fast_as_of_a_small_one(g1, file):
-    """What is found in a file is kept for all its motions, until it changes."""
-    counts = []
-    for size in (2, 2000):
-        content = pickle.dumps({f"m{n}": entry() for n in range(size)})
-        path = Path(f"{file(content)}#m1")
-        read_motion(path, g1)
-        steps = []
-        sys.setprofile(lambda _, event, what, steps=steps: steps.append(event))
-        try:
-            read_motion(path, g1)
-        finally:
-            sys.setprofile(None)
-        counts.append(len(steps))
-    assert counts[1] < 1.1 * counts[0]
-
-
-def test_a_file_without_names_has_no_motion_of_a_name(g1, file):
-    path = file(pickle.dumps(gmr()))
-    with pytest.raises(MotionError, match="no motions with names"):
-        read_motion(Path(f"{path}#walk"), g1)
-
-
 @pytest.mark.parametrize("names", [ASAP_JOINTS, G1_JOINTS[23]])
 def test_axes_in_a_library_tell_the_layout_of_23_joints(g1, file, names):
     """Without them, both layouts would be possible."""
@@ -522,15 +490,6 @@ def test_axes_in_a_library_tell_the_layout_of_23_joints(g1, file, names):
     motion = read_motion(file(pickle.dumps(content)), g1)
     np.testing.assert_allclose(motion.base_poses, BASE, atol=1e-9)
     assert "assuming 30 Hz" in motion.notes[0]
-
-
-def test_names_in_a_library_are_those_of_the_joints(g1, file):
-    axes = np.eye(3)[np.zeros(21, dtype=int)]
-    content = entry(POSITIONS[:, :21], axes)
-    path = file(pickle.dumps({**content, "dof_names": [*G1_JOINTS[29][:21]]}))
-    assert read_motion(path, g1).joint_names == G1_JOINTS[29][:21]
-    with pytest.raises(MotionError, match="21 unnamed joints"):
-        read_motion(file(pickle.dumps(content)), g1)
 
 
 def test_names_in_arrays_of_gmr_are_those_of_the_joints(g1, file):
@@ -591,12 +550,7 @@ def test_keyframes_without_times_are_poses_or_have_a_rate(g1, file):
     "content, words",
     [
         (lambda: policy(outputs=()), "outputs actions, but not joint_pos, body_pos_w"),
-        (
-            lambda: policy(body="head_link"),
-            "lack the base, pelvis: head_link",
-        ),
         (lambda: field(1, 8) + b"\xff" * 30, "Not a valid ONNX model"),
-        (lambda: policy().replace(b"Gather", b"MatMul"), "not taken from an array"),
     ],
 )
 def test_a_policy_without_a_reference_is_told(g1, file, content, words):
@@ -624,7 +578,7 @@ def test_numpys_new_names_and_protocol_5_are_read():
 
 @pytest.mark.parametrize(
     "compress",
-    [0, 3, ("gzip", 3), ("bz2", 3), ("xz", 3), ("lzma", 3)],
+    [0, ("xz", 3)],
     ids=lambda compress: str(compress),
 )
 def test_what_joblib_writes_is_read(g1, tmp_path, compress):
@@ -644,22 +598,13 @@ def wrapped(shape, **more):
     return JOBLIB + items + opcodes("dtype") + opcodes(np.dtype("<f8")) + b"ub"
 
 
-@pytest.mark.parametrize("padding", [None, 3])
-def test_joblibs_arrays_follow_their_opcodes(padding):
-    """As written by joblib before 1.2, and since then with padding."""
+def test_joblibs_arrays_follow_their_opcodes():
+    """Behind padding, since joblib 1.2."""
     numbers = np.arange(6.0)
-    more = {} if padding is None else {"numpy_array_alignment_bytes": 16}
-    data = wrapped((2, 3), **more)
-    data = data[:2] + b"}" + opcodes("a") + data[2:]
-    if padding is not None:
-        data += bytes([padding]) + b"\xff" * padding
+    data = wrapped((2, 3), numpy_array_alignment_bytes=16)
+    data = data[:2] + b"}" + opcodes("a") + data[2:] + b"\3\xff\xff\xff"
     found = read_pickle(data + numbers.tobytes() + b"s.")
     np.testing.assert_array_equal(found["a"], numbers.reshape(2, 3))
-
-
-def test_content_that_was_compressed_by_joblib_is_read(g1, file):
-    path = file(zlib.compress(pickle.dumps({"walk": entry()})))
-    assert_is_the_motion(read_motion(path, g1))
 
 
 def motion_of(names, rate):
@@ -670,9 +615,7 @@ def motion_of(names, rate):
 
 
 @pytest.mark.parametrize("name, most", [("gmr", 0.0), ("motion_library", 1e-7)])
-@pytest.mark.parametrize(
-    "names", [G1_JOINTS[29], ASAP_JOINTS, G1_JOINTS[23], G1_JOINTS[29][::-1]]
-)
+@pytest.mark.parametrize("names", [ASAP_JOINTS, G1_JOINTS[29][::-1]])
 def test_what_is_written_is_read_as_the_same(g1, tmp_path, name, most, names):
     path = tmp_path / "motion.pkl"
     wanted = motion_of(names, 29.97)
@@ -702,44 +645,6 @@ def test_a_library_has_what_its_readers_need(g1, tmp_path):
     assert not found["pose_aa"][:, 24:].any()
     assert (found["fps"], type(found["fps"])) == (30, int)
     assert found["smpl_joints"].shape == (N_SAMPLES, 24, 3)
-
-
-def test_bodies_are_where_gmrs_own_program_places_them(g1, tmp_path):
-    """Another revision of the robot: its torso by 10 mm."""
-    source = FOLDER / "gmr_dataset.pkl"
-    if not source.exists():
-        pytest.skip("gmr_dataset.pkl is not beside the repository")
-    path = tmp_path / "motion.pkl"
-    write_motion(path, read_motion(source, g1), g1, name="gmr")
-    found, wanted = (read_pickle(p.read_bytes()) for p in (path, source))
-    assert {*found} == {*wanted}
-    rows = [found["link_body_list"].index(name) for name in wanted["link_body_list"]]
-    offsets = found["local_body_pos"][:, rows] - wanted["local_body_pos"]
-    assert np.abs(offsets).max() < 0.012
-
-
-@pytest.mark.parametrize(
-    "file_name, choice",
-    [("sonic_motion_lib.pkl", "#M_ShortMove13_0"), ("pbhc.pkl", "")],
-)
-def test_a_library_is_as_upstreams_programs_wrote_it(g1, tmp_path, file_name, choice):
-    source, path = FOLDER / file_name, tmp_path / "motion.pkl"
-    if not source.exists():
-        pytest.skip(f"{file_name} is not beside the repository")
-    motion = read_motion(Path(f"{source}{choice}"), g1)
-    write_motion(path, motion, g1, name="motion_library")
-    (found,) = pickle.loads(path.read_bytes()).values()
-    wanted = next(iter(read_pickle(zlib_or_plain(source)).values()))
-    assert {*found} == {*wanted}
-    for name in ("root_trans_offset", "pose_aa", "dof", "root_rot"):
-        assert found[name].dtype == wanted[name].dtype
-        np.testing.assert_allclose(found[name], wanted[name], rtol=0, atol=1e-6)
-
-
-def zlib_or_plain(path):
-    """Give the content of a file of joblib, which may be compressed."""
-    data = path.read_bytes()
-    return zlib.decompress(data) if data.startswith(b"x") else data
 
 
 FLAT = {"joint_pos": POSITIONS, "body_pos_w": BASE[:, :3], "body_quat_w": BASE[:, 3:]}
@@ -783,7 +688,3 @@ def test_velocities_that_a_format_does_not_have_are_told(g1, tmp_path):
     bare = Motion(motion.times, motion.joint_names, motion.positions)
     with pytest.raises(MotionError, match="needs base poses"):
         write_motion(tmp_path / "motion.pkl", bare, g1, name="gmr")
-
-
-def test_names_that_are_not_text_are_left_out():
-    assert read_pickle(pickle.dumps({"a": 1, 2: 3, (4,): 5})) == {"a": 1}

@@ -106,7 +106,6 @@ def keyframes(base, positions):
 W_FIRST = [0, 1, 2, 6, 3, 4, 5]
 
 
-@pytest.mark.parametrize("yaw", [0.7, 1.57, -2.4])
 @pytest.mark.parametrize(
     "write, usual",
     [
@@ -118,9 +117,9 @@ W_FIRST = [0, 1, 2, 6, 3, 4, 5]
     ],
 )
 def test_another_order_of_quaternions_than_the_formats_is_told_and_read(
-    g1, file, write, usual, yaw
+    g1, file, write, usual
 ):
-    base, positions = standing(yaw)
+    base, positions = standing(-2.4)
     turned = base[:, W_FIRST]
     right, wrong = (turned, base) if usual == "wxyz" else (base, turned)
     other = "xyzw" if usual == "wxyz" else "wxyz"
@@ -164,12 +163,9 @@ def test_a_rate_at_which_joints_are_too_fast_is_told(g1, file, fps):
     "factor, offset, words",
     [
         (1.0, 0.25, "at least 0.25"),
-        (1.0, 0.25, "another ground; motion floor puts it on the floor."),
         (1000.0, 0.0, "in cm or mm, of another robot"),
-        (100.0, 0.0, "in cm or mm, of another robot"),
         (1.0, -0.25, "below the floor"),
         (1.0, 0.1, ""),
-        (1.0, -0.1, ""),
     ],
 )
 def test_feet_that_are_never_near_the_floor_are_told_of(
@@ -355,13 +351,10 @@ WRITERS = (
 
 
 @pytest.mark.parametrize("lies", TILTS)
-@pytest.mark.parametrize("ahead, behind", [(0, 0), (1, 1)])
 @pytest.mark.parametrize("write", WRITERS)
-def test_bodies_tell_the_base_and_the_order_of_quaternions(
-    g1, file, write, lies, ahead, behind
-):
+def test_bodies_tell_the_base_and_the_order_of_quaternions(g1, file, write, lies):
     for order in ("wxyz", "xyzw"):
-        base, *parts = placed(g1, order, lies, ahead, behind)
+        base, *parts = placed(g1, order, lies, 1, 1)
         path = file(write(*parts))
         for given in (None, order):
             motion = read_motion(path, g1, ReadOptions(order=given))

@@ -132,32 +132,17 @@ HOSTILE = {
         lambda: bag(bz2_bomb(), b"bz2", 10**6),
         "A chunk of the bag has more than 100 MB",
     ),
-    "many messages": (
-        lambda: bag(message(bytes(32)) * 260_000, count=260_000),
-        "more than 250000 messages",
-    ),
     "bytes of 10 GB": (
         lambda: b"\x80\x05\x96" + struct.pack("<Q", 10**10) + bytes(100),
         "The pickle cannot be read: MemoryError",
-    ),
-    "long type": (
-        lambda: b"\x80\x02cnumpy\ndtype\n" + text("f8," * 3_000_000) + b"\x85R.",
-        "unknown dtype",
     ),
     "zlib": (
         lambda: zlib.compress(bytes(300_000_000), 1),
         "Decompressed, the file has more than 200 MB",
     ),
-    "lzma": (of_dictionary, "Memory usage limit exceeded"),
     "many members": (
         lambda: zipped({f"{n}.npy": b"" for n in range(20_000)}, zipfile.ZIP_STORED),
         "more than 10000 files",
-    ),
-    "long header": (
-        lambda: (
-            b"\x93NUMPY\x02\x00" + struct.pack("<I", 90_000_000) + b"[" * 90_000_000
-        ),
-        "The header of an array has more than 10000 bytes",
     ),
     "one storage many times": (
         lambda: torch((10**9, 29, 3), (0, 0, 0)),
@@ -171,25 +156,7 @@ HOSTILE = {
         lambda: "<!DOCTYPE a [<!ENTITY b 'c'>]><mujoco>&b;</mujoco>",
         "DOCTYPE",
     ),
-    "nested frames": (
-        lambda: '{"FrameDuration": 1, "Frames": ' + "[" * 5_000_000,
-        "not JSON: maximum recursion depth",
-    ),
     "merges": (lambda: of_merges(30), "Line 1 has an anchor"),
-    "long text": (
-        lambda: "joint_names: [" + "a, " * 5_000_000,
-        "15 million characters",
-    ),
-    "two columns": (lambda: "time,left_elbow_joint\n" + "1,2\n" * 1_000_000, "lines"),
-    "claim of 10 GB": (
-        lambda: zipped(
-            {
-                **{f"{name}.npy": npy((0,)) for name in gmr.FORMAT.arrays},
-                "dof_pos.npy": npy((1_250_000_000,), bytes(80)),
-            }
-        ),
-        "The file cannot be read: Unable to allocate",
-    ),
     "zip bomb": (
         lambda: zipped(
             {

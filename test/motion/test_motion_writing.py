@@ -5,7 +5,7 @@ import os
 import numpy as np
 import pytest
 from conftest import REPOSITORY, VENDOR
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from g1_description.errors import InvalidValueError, MotionError
@@ -51,6 +51,7 @@ def trajectory(seed, n_samples, n_joints, times=None, velocities=True, base=True
     )
 
 
+@settings(max_examples=12)
 @given(
     st.integers(0, 1000),
     st.integers(1, 5),
@@ -65,6 +66,7 @@ def test_a_table_is_read_as_it_was_written(tmp_path_factory, seed, n, m, speed, 
     assert_same(read_motion(path, G1), wanted)
 
 
+@settings(max_examples=12)
 @given(
     st.integers(0, 1000),
     st.integers(2, 5),
@@ -101,30 +103,6 @@ def test_times_that_are_not_even_are_made_even_and_told(tmp_path):
     np.testing.assert_allclose(found.velocities, velocities, atol=1e-12)
 
 
-@pytest.mark.parametrize("name", ["B_HandsUp", "J_ShortDance16_JazzWalk"])
-def test_bodies_move_as_another_program_computed_them(name, tmp_path):
-    clip = CLIPS / f"{name}.npz"
-    if not clip.exists() or not REVISION.exists():
-        pytest.skip("the clips are not beside the repository")
-    robot = read_model(str(REVISION)).description
-    path = tmp_path / "motion.npz"
-    assert write_motion(path, read_motion(clip, robot), robot) == ()
-    found, wanted = np.load(path), np.load(clip)
-    assert {*wanted} <= {*found}
-    for array, most in (
-        ("joint_pos", 0.0),
-        ("joint_vel", 0.0),
-        ("body_pos_w", 2e-6),
-        ("fps", 0.0),
-    ):
-        np.testing.assert_allclose(found[array], wanted[array], atol=most)
-    cosines = np.abs((found["body_quat_w"] * wanted["body_quat_w"]).sum(axis=-1))
-    assert 2 * np.arccos(np.minimum(cosines, 1.0)).max() < 2e-3
-    lengths = np.linalg.norm(found["body_lin_vel_w"], axis=-1)
-    difference = found["body_lin_vel_w"] - wanted["body_lin_vel_w"]
-    assert np.median(np.abs(difference)) < 0.05 * np.median(lengths)
-
-
 def test_names_tell_the_order_of_the_joints(tmp_path):
     path = tmp_path / "motion.npz"
     wanted = trajectory(5, 3, 29, np.arange(3) / 30.0)
@@ -159,24 +137,22 @@ def test_what_cannot_be_written_is_told(tmp_path):
         write_motion(tmp_path / "a.npz", motion, G1, 1e9)
 
 
-@pytest.mark.parametrize("n_joints", [1, 29])
 @pytest.mark.parametrize("base", [True, False])
-def test_as_many_rows_as_are_promised_fit_into_a_table(n_joints, base):
-    size, names = 300_000, NAMES[:n_joints]
+def test_as_many_rows_as_are_promised_fit_into_a_table(base):
+    size, names = 300_000, NAMES[:29]
     count = table.most_samples(names, base, size)
-    longest = np.full((count, n_joints), -1.2345678901234567e-300)
+    longest = np.full((count, 29), -1.2345678901234567e-300)
     poses = np.tile([-1.2345678901234567e-300] * 3 + [0.5] * 4, (count, 1))
     times = 1e5 + np.arange(count) / 7
     motion = Motion(times, names, longest, longest, poses if base else None)
     assert 0.6 * size < len(table.write(motion, G1, None)[0]) <= size
 
 
-@pytest.mark.parametrize("n_joints", [1, 29])
-def test_as_many_samples_as_are_promised_fit_into_an_npz(n_joints):
+def test_as_many_samples_as_are_promised_fit_into_an_npz():
     size = 300_000
-    names = trajectory(1, 1, n_joints).joint_names
+    names = trajectory(1, 1, 29).joint_names
     count = beyond_mimic.most_samples(names, True, size)
-    motion = trajectory(1, count, n_joints, np.arange(count) / 50.0)
+    motion = trajectory(1, count, 29, np.arange(count) / 50.0)
     assert 0.9 * size < len(beyond_mimic.write(motion, G1, None)[0]) <= size
 
 

@@ -189,8 +189,8 @@ def gmr_pickle(base, positions):
     return pickle.dumps({name: arrays[name] for name in arrays.files}, 2)
 
 
-@pytest.mark.parametrize("write", [text, gmr, gmr_pickle])
-@pytest.mark.parametrize("yaw", [0.0, 0.7, 1.57, 2.4, 3.14, -0.7, -1.57, -2.4])
+@pytest.mark.parametrize("write", [text, gmr_pickle])
+@pytest.mark.parametrize("yaw", [0.7, -1.57])
 def test_the_order_of_quaternions_is_that_in_which_the_robot_stands(
     g1, file, write, yaw
 ):
@@ -203,16 +203,13 @@ def test_the_order_of_quaternions_is_that_in_which_the_robot_stands(
     np.testing.assert_allclose(motion.base_poses, base, atol=1e-12)
 
 
-@pytest.mark.parametrize(
-    "axis, yaw", [(axis, yaw) for axis in "xy" for yaw in (0, 45, 90, 180, 270)]
-)
+@pytest.mark.parametrize("axis, yaw", [("x", 0), ("y", 45)])
 @pytest.mark.parametrize("order", [lambda base: base, w_first])
-@pytest.mark.parametrize("lean", [-90, 90])
-def test_a_robot_that_lies_leaves_the_order_open(g1, file, axis, yaw, order, lean):
+def test_a_robot_that_lies_leaves_the_order_open(g1, file, axis, yaw, order):
     """In some of these the other order would let it stand, below the floor."""
     base, positions = posture()
     base[:, 2] = 0.1
-    base[:, 3:] = Rotation.from_euler(f"{axis}z", [lean, yaw], degrees=True).as_quat()
+    base[:, 3:] = Rotation.from_euler(f"{axis}z", [-90, yaw], degrees=True).as_quat()
     content = order(base)
     lying = file(text(content, positions))
     with pytest.raises(MotionError, match=f"{UNKNOWN}.*--order xyzw or --order wxyz"):
@@ -241,7 +238,7 @@ def raised(names, name, value):
     return base, positions
 
 
-@pytest.mark.parametrize("write", [text, gmr, gmr_pickle])
+@pytest.mark.parametrize("write", [text, gmr_pickle])
 def test_23_joints_are_those_whose_limits_they_keep(g1, file, write):
     asap = raised(ASAP_JOINTS, "left_shoulder_roll_joint", 2.1)
     motion = read_motion(file(write(*asap)), g1, ReadOptions(30.0))
@@ -305,13 +302,7 @@ def tracked(robot, names, positions):
 
 @pytest.mark.parametrize(
     "robot, names, isaac",
-    [
-        ("g1", G1_JOINTS[23], False),
-        ("g1", ISAAC_23, True),
-        ("g1", ASAP_JOINTS, False),
-        ("g1_23", G1_JOINTS[23], False),
-        ("g1_23", ISAAC_23, True),
-    ],
+    [("g1", G1_JOINTS[23], False), ("g1", ISAAC_23, True), ("g1_23", ISAAC_23, True)],
 )
 def test_bodies_tell_the_order_of_23_joints(request, file, robot, names, isaac):
     robot = request.getfixturevalue(robot)
@@ -330,17 +321,9 @@ def headed(base, positions):
     return "\n".join([",".join(["time", *names, *G1_JOINTS[29]]), *lines, ""])
 
 
-@pytest.mark.parametrize("write", [text, headed, gmr, gmr_pickle])
+@pytest.mark.parametrize("write", [headed, gmr_pickle])
 def test_degrees_are_refused(g1, file, write):
     base, positions = posture()
     read_motion(file(write(base, positions)), g1)
     with pytest.raises(MotionError, match=r"left_hip_pitch_joint is at .*like degrees"):
         read_motion(file(write(base, np.degrees(positions))), g1)
-
-
-def test_a_joint_without_limits_may_turn_many_times(file):
-    name = REPOSITORY / "test" / "data" / "continuous.urdf"
-    robot = read_model(str(name)).description
-    joint = robot.movable_joints[0].name
-    motion = read_motion(file(f"time,{joint}\n0,0\n1,90\n"), robot)
-    assert motion.positions[-1, 0] == 90.0

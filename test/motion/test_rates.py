@@ -72,12 +72,10 @@ def motion(rate):
     return Motion(np.arange(N) / rate, JOINTS, positions, base_poses=base)
 
 
-@pytest.mark.parametrize("rate", [60.0, 29.97])
-@pytest.mark.parametrize("name", ["a", "a_60hz", "a_50fps"])
+@pytest.mark.parametrize("name", ["a", "a_60hz"])
 @pytest.mark.parametrize("to", ["lafan1", "kimodo", "bones_seed", "gmr", "mjlab"])
-def test_what_is_written_is_read_at_its_rate_or_that_is_told(
-    g1, tmp_path, to, name, rate
-):
+def test_what_is_written_is_read_at_its_rate_or_that_is_told(g1, tmp_path, to, name):
+    rate = 29.97
     path = tmp_path / (name + WRITERS[to].ending)
     (notes,) = [write_motion(path, motion(rate), g1, name=to)]
     told = [note for note in notes if "read it with --fps" in note]
@@ -145,18 +143,17 @@ def headed(prefix="base_", joints=JOINTS, first=()):
     return "\n".join([*lines, *(",".join(map(repr, row)) for row in rows.tolist())])
 
 
-@pytest.mark.parametrize("prefix", ["base_", "root_", ""])
-@pytest.mark.parametrize("first", [(), ("",)])
-def test_a_table_with_names_and_without_times_takes_a_rate(g1, file, prefix, first):
+@pytest.mark.parametrize("prefix", ["base_", ""])
+def test_a_table_with_names_and_without_times_takes_a_rate(g1, file, prefix):
     """Also with the index of pandas before its columns."""
-    path = file(headed(prefix, first=first), "a.csv")
+    path = file(headed(prefix, first=("",)), "a.csv")
     with pytest.raises(MotionError, match=r"lacks time; or give the rate, --fps\."):
         read_motion(path, g1)
     found = read_motion(path, g1, ReadOptions(25.0))
     assert found.times[1] == 0.04
     assert found.joint_names == JOINTS
     np.testing.assert_array_equal(found.base_poses, motion(30.0).base_poses)
-    named = read_motion(file(headed(prefix, first=first), "a_50hz.csv"), g1)
+    named = read_motion(file(headed(prefix, first=("",)), "a_50hz.csv"), g1)
     assert named.times[1] == 0.02
     timed = file(headed(prefix, first=("time",)), "b.csv")
     assert (
