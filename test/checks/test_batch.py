@@ -94,25 +94,12 @@ def test_processes_find_the_same_and_lose_no_file(checker, files, alone, tmp_pat
     deadly, once = tmp_path / "deadly.csv", tmp_path / "once.csv"
     for file in (deadly, once):
         file.write_bytes(files[0].read_bytes())
-    dying = FileChecker(checker.checker, plot=True, reader=read_or_die)
+    dying = FileChecker(checker.checker, reader=read_or_die)
     found = checked(Processes(dying, 1), [deadly, once, *files])
     assert json_text(found[2:], 0) == json_text(alone, 0)
-    assert [outcome.plot for outcome in found[2:]] == [o.plot for o in alone]
     assert found[0].result == "not checked"
     assert found[0].problem == DIED
     assert found[1].verdict.as_dict() == alone[0].verdict.as_dict()
-
-
-def test_processes_that_are_ended_while_they_start_end_at_once(files):
-    # What a task takes with it must fit into a pipe that nobody reads any more.
-    workers = Processes(FileChecker(Robot().checker()), 2)
-    for task in tasks_of(files):
-        workers.submit(task)
-    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
-    ending = threading.Thread(target=workers.close, daemon=True)
-    ending.start()
-    ending.join(DEADLINE)
-    assert not ending.is_alive()
 
 
 def test_a_process_that_dies_with_nothing_to_do_is_replaced(checker, files, alone):

@@ -282,11 +282,10 @@ def test_a_drift_is_when_the_foot_moves_not_after_it():
     assert left.worst == pytest.approx(0.06, rel=0.05)
 
 
-@pytest.mark.parametrize("seconds", [0.4, 0.8, 1.2])
-def test_a_foot_that_is_lifted_and_put_down_does_not_hover(seconds):
+def test_a_foot_that_is_lifted_and_put_down_does_not_hover():
     """Its leg bends; the other one stands."""
     positions = standing()
-    phase = np.clip((TIMES - 0.5) / seconds, 0.0, 1.0)
+    phase = np.clip((TIMES - 0.5) / 0.8, 0.0, 1.0)
     bend = 0.5 * (1.0 - np.cos(2.0 * np.pi * phase))
     for joint, angle in (("hip_pitch", -0.5), ("knee", 1.0), ("ankle_pitch", -0.5)):
         positions[:, column(f"right_{joint}")] += angle * bend

@@ -89,12 +89,7 @@ def test_a_fall_is_told_and_ends_the_figures():
 
 @pytest.mark.parametrize(
     ("axis", "reach", "side", "engine"),
-    [
-        ("0 1 0", 0.9, "forwards", "bullet"),
-        ("0 1 0", -0.9, "backwards", "mujoco"),
-        ("1 0 0", 0.9, "to the right", "mujoco"),
-        ("1 0 0", -0.9, "to the left", "bullet"),
-    ],
+    [("0 1 0", 0.9, "forwards", "bullet"), ("1 0 0", 0.9, "to the right", "mujoco")],
 )
 def test_a_fall_is_a_failure_with_its_side_and_beginning(axis, reach, side, engine):
     """The arm moves the centre of mass by 6 mm, beyond an edge at 4 mm."""
@@ -154,7 +149,3 @@ def test_what_cannot_be_judged_is_skipped():
     }
     begin = "In simulation the base is fixed; tracking error"
     assert verdict.notes[-1].startswith(begin)
-
-
-def test_the_same_motion_gives_the_same_verdict(weak):
-    assert judged(post_motion(0.9, 0.4)).as_dict() == weak.as_dict()

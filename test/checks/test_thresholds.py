@@ -45,14 +45,6 @@ def test_a_file_changes_what_it_names(tmp_path):
     assert VELOCITY.level_in(found) == VELOCITY.level
 
 
-def test_the_file_of_defaults_is_read(defaults, tmp_path):
-    assert read_thresholds() == Thresholds({"position": Level(1e-6, 0.25)})
-    own = tmp_path / "own.yaml"
-    own.write_text("position: {warning: 0.125}\nwindow: 0.2\n")
-    found = read_thresholds(own)
-    assert (POSITION.level_in(found), found.window) == (Level(0.125, 0.25), 0.2)
-
-
 def test_a_threshold_that_is_not_named_stays():
     found = with_thresholds(Thresholds(), {"skating": {"warning": None}})
     assert found.levels == {"skating": Level(None, 0.15)}
@@ -121,9 +113,9 @@ def test_the_worst_size_is_that_of_the_worst_finding():
         assert figures["failed"] == 6
 
 
-@pytest.mark.parametrize("clip", ["B_HandsUp", "M_ShortMove13"])
-def test_published_clips_pass_what_is_shipped_for_retargeted_motions(clip):
-    """The worst and the calmest; with the usual thresholds both fail."""
+def test_published_clips_pass_what_is_shipped_for_retargeted_motions():
+    """With the usual thresholds it fails."""
+    clip = "B_HandsUp"
     path = VENDOR.parents[1] / "motions" / f"{clip}.csv"
     if not path.exists():
         pytest.skip("the motions of others are not beside the repository")
@@ -179,7 +171,6 @@ def test_bounds_are_by_joint(tmp_path):
     ("text", "message"),
     [
         ("", "must map names of thresholds to their values"),
-        ("- 1", "must map names of thresholds to their values"),
         ("a: [", "is not valid YAML: line 1"),
         ("window: 1\nwindow: 2", "is not valid YAML: line 2: found duplicate key"),
         (
@@ -188,24 +179,13 @@ def test_bounds_are_by_joint(tmp_path):
         ),
         ("position: 1", "position must be a mapping with warning, failure (got 1)"),
         (
-            "base_jump: {warning: 1, failur: 2}",
-            "Unknown key 'failur' of base_jump. Known keys: failure, warning.",
-        ),
-        (
             "position: {failure: x}",
             "position.failure must be a number or null (got 'x')",
         ),
-        ("position: {failure: .nan}", "must be a number or null"),
         ("window: 0", "window must be greater than 0 (got 0)"),
-        ("window: true", "window must be a number (got True)"),
-        ("contact_height: -1", "must not be negative"),
         ("jerk_bounds: {joints: [a]}", "jerk_bounds.joints must map joints to numbers"),
         ("jerk_bounds: {joints: {a: 0}}", "must be positive"),
-        ("jerk_bounds: {default: -1}", "must be positive"),
         ("energy >: exclude", "'energy >' must be FIGURE > NUMBER or FIGURE < NUMBER"),
-        ("energy > ten: exclude", "must be FIGURE > NUMBER"),
-        ("energy > .inf: exclude", "must be FIGURE > NUMBER"),
-        ("0 < energy < 9: exclude", "must be FIGURE > NUMBER"),
         ("root_sped.max > 9: exclude", "Known figures: root_speed.max"),
         ("energy > 9: 1", "The rule 'energy > 9' must be 'exclude' (got 1)"),
     ],
@@ -217,8 +197,3 @@ def test_a_wrong_file_is_refused_in_a_sentence(tmp_path, text, message):
         read_thresholds(file)
     assert message in str(error.value)
     assert "\n" not in str(error.value)
-
-
-def test_a_missing_file_is_told(tmp_path):
-    with pytest.raises(ThresholdError, match="cannot be read: No such file"):
-        read_thresholds(tmp_path / "none.yaml")
