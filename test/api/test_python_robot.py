@@ -66,12 +66,6 @@ def test_limits_are_pinocchios(oracle):
     assert (G1.effort_limits[order] == oracle.effortLimit).all()
 
 
-def test_limits_cannot_be_changed_by_mistake():
-    for array in (G1.lower, G1.velocity_limits, G1.neutral):
-        with pytest.raises(ValueError):
-            array[0] = 0.0
-
-
 def test_what_is_unlimited_or_without_mass_says_so():
     robot = Robot(DATA / "continuous.urdf")
     assert np.isinf(robot.upper).any()
@@ -83,10 +77,9 @@ def test_what_is_unlimited_or_without_mass_says_so():
     [
         "package://g1_description/urdf/g1_29dof.urdf",
         ROOT / "urdf" / "g1_29dof.urdf",
-        (ROOT / "urdf" / "g1_29dof.urdf").as_uri(),
         (ROOT / "urdf" / "g1_29dof.urdf").read_text(),
     ],
-    ids=["package", "path", "uri", "text"],
+    ids=["package", "path", "text"],
 )
 def test_a_model_is_named_as_the_commands_take_it(model):
     assert Robot(model).joint_names == G1.joint_names
@@ -137,13 +130,9 @@ def test_an_unknown_joint_is_refused_with_those_like_it():
     ("positions", "words"),
     [
         (np.zeros(28), "(28,)"),
-        (0.0, "()"),
         ([float("nan")] + 28 * [0.0], "left_hip_pitch_joint must be finite (got nan)"),
-        ({ELBOW: float("inf")}, f"{ELBOW} must be finite (got inf)"),
         ("wave", "must be an array of numbers"),
-        ({ELBOW: "high"}, ELBOW),
         ({ELBOW: [0.0, 1.0], KNEE: [0.0, 0.0, 0.0]}, "do not match"),
-        (None, "()"),
     ],
 )
 def test_positions_of_no_robot_are_refused(positions, words):
@@ -176,12 +165,6 @@ def test_random_configurations_fill_the_limits():
     assert (share.max(axis=0) <= 1.0).all()
     assert (share.max(axis=0) > 0.99).all()
     assert share.mean() == pytest.approx(0.5, abs=0.01)
-
-
-@pytest.mark.parametrize("size", [-1, (2, -3)])
-def test_a_negative_number_of_configurations_is_refused(size):
-    with pytest.raises(InvalidValueError, match="size must not be negative"):
-        G1.random_configuration(0, size)
 
 
 def test_random_configurations_repeat_with_a_seed():
@@ -309,8 +292,6 @@ def test_the_base_link_is_where_the_base_is(name):
     [
         ([0.0, 0.0, 0.8], "seven"),
         ([0.0, 0.0, 0.8, 0.0, 0.0, 0.0, 0.0], "length 1 (got 0)"),
-        ([np.nan, 0.0, 0.8, 0.0, 0.0, 0.0, 1.0], "finite"),
-        ("here", "here"),
         (np.tile(HERE, (3, 1)), "(3,) and (2,)"),
     ],
 )
@@ -345,8 +326,8 @@ def test_a_motion_is_made_of_the_arrays_that_it_has_by_their_names():
         np.testing.assert_array_equal(getattr(made, name), array)
 
 
-@pytest.mark.parametrize("ending", ["csv", "npz"])
-def test_a_motion_is_read_as_it_was_written(tmp_path, ending):
+def test_a_motion_is_read_as_it_was_written(tmp_path):
+    ending = "npz"
     file = tmp_path / f"wave.{ending}"
     assert G1.write_motion(file, wave()) == ()
     motion = G1.read_motion(str(file))

@@ -48,12 +48,6 @@ def test_each_robot_finds_its_own_links_in_any_order():
     assert observations[1].base_pose == pytest.approx(turned(0.2))
 
 
-def test_a_link_may_have_a_scope_in_its_name():
-    estimator = JointStateEstimator({"a": robot("base", "left::tip")})
-    observations = show(estimator, {"a::base": 0.0, "a::left::tip": 0.4})
-    assert positions(observations) == [{"to_left::tip": pytest.approx(0.4)}]
-
-
 def test_a_robot_that_is_not_there_has_nothing():
     estimator = JointStateEstimator(
         {"a": robot("base", "tip"), "b": robot("base", "tip")}
@@ -87,19 +81,6 @@ def test_a_joint_off_its_axis_is_reported_once_that_has_lasted():
     assert not estimator.problems[0].axis_residual
 
 
-def test_the_base_is_the_root_wherever_the_file_has_it():
-    text = (
-        '<robot name="r"><link name="hand"/><link name="base"/>'
-        '<joint name="j" type="continuous"><parent link="base"/>'
-        '<child link="hand"/></joint></robot>'
-    )
-    estimator = JointStateEstimator({"a": parse_urdf(text)})
-    observations = show(estimator, {"a::hand": 0.3, "a::base": 0.1})
-    assert observations[0].base_pose == pytest.approx(turned(0.1))
-    without = show(estimator, {"a::hand": 0.3})
-    assert without[0].base_pose is None
-
-
 def test_the_twist_of_a_base_in_another_link_is_that_of_its_own_origin():
     text = (
         '<robot name="r"><link name="base"/><link name="body"/>'
@@ -131,11 +112,7 @@ def test_the_base_is_what_floats_in_the_world():
 
 BAD = {
     "NaN in the pose": (0, np.nan, 1.0),
-    "infinity in the pose": (2, np.inf, 1.0),
-    "NaN in the quaternion": (5, np.nan, 1.0),
     "a zero quaternion": (0, 0.0, 0.0),
-    "a quaternion too long": (0, 0.0, 1.002),
-    "a quaternion too short": (0, 0.0, 0.998),
     "a place no robot is at": (1, 1e300, 1.0),
 }
 
@@ -160,11 +137,10 @@ def test_a_link_without_usable_numbers_counts_as_missing(kind):
     ]
 
 
-@pytest.mark.parametrize("scale", [0.9991, 1.0009])
-def test_a_quaternion_almost_of_unit_length_is_normalised(scale):
+def test_a_quaternion_almost_of_unit_length_is_normalised():
     estimator = JointStateEstimator({"r": robot("a", "b")})
     poses = np.array([turned(0.0), turned(0.5)])
-    poses[1, 3:] *= scale
+    poses[1, 3:] *= 0.9991
     observations = estimator.update(("r::a", "r::b"), poses, np.zeros((2, 6)), 0)
     assert positions(observations) == [{"to_b": pytest.approx(0.5, abs=1e-12)}]
     assert not estimator.problems[0].are_any
@@ -232,13 +208,6 @@ def test_turns_begin_anew_after_a_reset():
     assert positions(observations)[0]["to_b"] == pytest.approx(20.3 - 6 * np.pi)
 
 
-def test_turns_begin_anew_for_a_robot_that_was_gone():
-    estimator = wound_up()
-    show(estimator, {"other::a": 0.0}, 0.101)
-    observations = show(estimator, {"r::a": 0.0, "r::b": 20.3}, 0.102)
-    assert positions(observations)[0]["to_b"] == pytest.approx(20.3 - 6 * np.pi)
-
-
 def test_turns_begin_anew_for_a_joint_not_seen_for_long():
     estimator = wound_up()
     show(estimator, {"r::a": 0.0}, 0.2)
@@ -300,16 +269,14 @@ class Watched:
         return self
 
 
-@pytest.mark.parametrize(
-    ("side", "stop"), [(1.0, HALF), (-1.0, np.pi), (1.0, 7.0), (-1.0, 3.07)]
-)
+@pytest.mark.parametrize(("side", "stop"), [(1.0, HALF), (-1.0, 3.07)])
 def test_a_little_beyond_its_stop_a_joint_does_not_flip(stop, side):
     """0.05 rad beyond, as physics pushes it; wide ranges and those of one turn."""
     beyond = side * (stop + 0.05)
     Watched(-stop, stop).through(0.0, beyond, 0.0, beyond, moving=True)
 
 
-@pytest.mark.parametrize(("lower", "upper"), [(0, 4), (2, 8), (-1, 2), (10, 12)])
+@pytest.mark.parametrize(("lower", "upper"), [(2, 8), (-1, 2)])
 def test_a_little_beyond_its_stop_a_narrow_joint_is_known_at_once(lower, upper):
     for position in (lower - 0.05, lower, upper, upper + 0.05):
         assert Watched(lower, upper).at(position) == pytest.approx(position, abs=1e-9)
@@ -317,16 +284,7 @@ def test_a_little_beyond_its_stop_a_narrow_joint_is_known_at_once(lower, upper):
 
 @pytest.mark.parametrize(
     ("lower", "upper", "position"),
-    [
-        (-4, 4, -3.0),
-        (2, 9, 8.6 - TURN),
-        (-6.5, 5, TURN - 3.8),
-        (0, 6.8, -1e-9),
-        (0, 6.8, 6.2),
-        (-89, 0.5, -5.5),
-        (20, 40, 21.0),
-        (-40, -20, -21.0),
-    ],
+    [(-4, 4, -3.0), (2, 9, 8.6 - TURN), (0, 6.8, -1e-9), (20, 40, 21.0)],
 )
 def test_the_first_guess_is_the_turn_inside_the_limits_that_is_nearest_zero(
     lower, upper, position
@@ -346,8 +304,6 @@ def test_a_joint_of_more_than_a_turn_walks_through_a_half_turn_both_ways():
     [
         ((-4, 4), -3.9, -4.4, TURN - 4.4),
         ((-HALF, HALF), 3.1, 3.1 + 0.08, 3.1 + 0.08 - TURN),
-        ((-HALF, HALF), -HALF, -HALF - 0.001, TURN - HALF - 0.001),
-        ((-4, 4), 4.0, 4.0 + 0.05, 4.05 - TURN),
         ((2, 9), 8.8, 9.5, 9.5 - TURN),
     ],
 )
@@ -363,19 +319,18 @@ def test_an_endless_joint_counts_turns_up_and_down():
     Watched().through(0.0, 3 * TURN, -3 * TURN, step=0.3)
 
 
-@pytest.mark.parametrize(("limits", "side"), [((), -1.0), ((-40, 40), 1.0)])
-def test_a_jump_of_more_than_a_quarter_turn_counts_turns_anew(limits, side):
-    goes_on = side * (30.0 + 0.24 * TURN)
-    joint = Watched(*limits).through(0.0, side * 30.0)
+def test_a_jump_of_more_than_a_quarter_turn_counts_turns_anew():
+    goes_on = -30.0 - 0.24 * TURN
+    joint = Watched().through(0.0, -30.0)
     assert joint.at(goes_on) == pytest.approx(goes_on, abs=1e-9)
-    jumps = goes_on + side * 0.26 * TURN
+    jumps = goes_on - 0.26 * TURN
     anew = jumps - TURN * np.round(jumps / TURN)
     assert joint.at(jumps) == pytest.approx(anew, abs=1e-9)
 
 
-@pytest.mark.parametrize("speed", [300.0, -300.0, 100.0])
-def test_a_joint_that_is_fast_enough_for_its_way_has_not_jumped(speed):
+def test_a_joint_that_is_fast_enough_for_its_way_has_not_jumped():
     """6 rad in a message's time, almost a whole turn."""
+    speed = -300.0
     joint = Watched()
     for step in range(100):
         position = speed * DT * step
@@ -438,8 +393,12 @@ def test_a_clock_that_is_slower_than_the_messages_moves_no_turns(limits):
 
 # --- velocities ---
 
-THROWN = ("skew_axes", "rail", "tree", "gripper", "locked_waist", "seven_joint_hand")
-"""Axes of any direction, slides, branches, mimics, and links that are lumped."""
+THROWN = (
+    "skew_axes",
+    "gripper",
+    "seven_joint_hand",
+)
+"""Axes of any direction, slides, mimics, and links that are lumped."""
 HIGH = np.array([1.0, 2.0, 30.0, 0.0, 0.0, 0.0, 1.0])
 SPINNING = np.array([0.3, -0.2, 0.5, 2.0, -3.0, 1.0])
 

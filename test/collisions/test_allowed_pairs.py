@@ -10,7 +10,6 @@ from g1_description.collisions.allowed_pairs import (
     USER,
     AllowedPair,
     AllowedPairs,
-    allowed_pairs_text,
     read_allowed_pairs,
     with_pairs,
     write_allowed_pairs,
@@ -50,7 +49,7 @@ def test_what_is_written_is_read(tmp_path_factory, allowed):
     assert read.place == str(file)
 
 
-@pytest.mark.parametrize("name", ["null", "on", "1.5", "a: b", "#", "'", "-", "~"])
+@pytest.mark.parametrize("name", ["null", "on", "a: b", "-"])
 def test_names_that_yaml_takes_for_something_else(tmp_path, name):
     allowed = AllowedPairs(name, (name, "b"), (AllowedPair(name, "b", USER),))
     file = tmp_path / "pairs.yaml"
@@ -66,20 +65,13 @@ HEAD = "robot: r\nsamples: 1\nseed: 0\n"
     [
         ("", "must have the keys robot, samples, seed, links, pairs"),
         ("robot: a\nrobot: b", "line 2: found duplicate key"),
-        ("- a", "must have the keys robot"),
-        (HEAD, "must have the keys robot"),
-        ("{", "line"),
         (HEAD + "links: a\npairs: []", "links must be a list of names"),
-        (HEAD + "links: [1]\npairs: []", "links must be a list of names"),
-        (HEAD + "links: [a]\npairs: a", "pairs must be a list"),
         (HEAD + "links: [a, b]\npairs: [[a, b]]", r"\[link, link, reason\]"),
         (HEAD + "links: [a, b]\npairs: [[a, c, user]]", "contain c, missing in links"),
         (
             HEAD + "links: [a, b]\npairs: [[a, b, maybe]]",
             "'maybe' of a and b. Known reasons: adjacent",
         ),
-        ("robot: r\nsamples: -1\nseed: 0\nlinks: []\npairs: []", "samples must be"),
-        ("robot: r\nsamples: 1\nseed: x\nlinks: []\npairs: []", "seed must be"),
     ],
 )
 def test_a_wrong_file_is_told(tmp_path, text, problem):
@@ -88,11 +80,6 @@ def test_a_wrong_file_is_told(tmp_path, text, problem):
     with pytest.raises(AllowedPairsError, match=problem) as error:
         read_allowed_pairs(file)
     assert str(error.value).startswith(f"The file of allowed collisions {file}: ")
-
-
-def test_a_file_that_is_not_there_is_told(tmp_path):
-    with pytest.raises(AllowedPairsError, match="No such file"):
-        read_allowed_pairs(tmp_path / "none.yaml")
 
 
 def test_links_of_another_robot_are_told():
@@ -108,8 +95,3 @@ def test_pairs_by_hand_replace_others():
     by_hand = [AllowedPair("b", "a", USER), AllowedPair("a", "x", USER)]
     pairs = with_pairs(allowed, by_hand).pairs
     assert pairs == (AllowedPair("a", "c", NEVER), AllowedPair("b", "a", USER))
-
-
-def test_each_line_of_the_head_is_a_comment():
-    text = allowed_pairs_text(AllowedPairs("r", (), ()), "one\n\ntwo")
-    assert text.startswith("# one\n#\n# two\nrobot: r\n")

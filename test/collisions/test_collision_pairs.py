@@ -40,7 +40,6 @@ POSES = parse_poses(
     (PROFILE / "poses.yaml").read_text(),
     "poses.yaml",
 )
-REVISION = VENDOR.with_name("g1_29dof_rev_1_0.urdf")
 SCRIPT = REPOSITORY / "scripts" / "collision_pairs"
 
 
@@ -120,13 +119,6 @@ def test_reasons_of_links_that_are_not_adjacent():
     assert reason(quick, "still", "overlaps") == ALWAYS
 
 
-def test_progress_is_told():
-    told = []
-    robot = parse_urdf(SLIDERS)
-    find_allowed_pairs(robot, 4500, progress=lambda *numbers: told.append(numbers))
-    assert told == [(2000, 4500), (4000, 4500), (4500, 4500)]
-
-
 def test_joints_without_limits_move():
     text = SLIDERS.replace('type="prismatic"', 'type="continuous"')
     poses = random_poses(parse_urdf(text), np.random.RandomState(0), 100)
@@ -136,8 +128,8 @@ def test_joints_without_limits_move():
 
 @pytest.fixture(
     scope="module",
-    params=[REPOSITORY / "urdf" / "g1_29dof.urdf", VENDOR, REVISION],
-    ids=["ours", "vendor", "revision"],
+    params=[REPOSITORY / "urdf" / "g1_29dof.urdf", VENDOR],
+    ids=["ours", "vendor"],
 )
 def g1_robot(request):
     """Give each G1 that the shipped file serves, with its collisions."""
@@ -225,9 +217,7 @@ def test_the_command_writes_a_file_and_keeps_what_is_by_hand(command, tmp_path):
     ("arguments", "sentence"),
     [
         (["--samples", "0"], "must be a whole number from 1"),
-        (["--seed", str(2**32)], "must be a whole number from 0"),
         (["-o", "r.urdf"], "The file of allowed collisions r.urdf: "),
-        (["--nonsense"], "unrecognized arguments: --nonsense"),
     ],
 )
 def test_a_wrong_command_line_is_told(command, arguments, sentence):
@@ -236,12 +226,6 @@ def test_a_wrong_command_line_is_told(command, arguments, sentence):
     assert run.stderr.startswith("collision_pairs: ")
     assert sentence in run.stderr
     assert run.stderr.count("\n") == 1
-
-
-def test_a_missing_model_is_told(command):
-    run = command(robot="none.urdf")
-    assert run.returncode == 1
-    assert run.stderr.startswith("collision_pairs: Cannot use the model none.urdf: ")
 
 
 def test_an_interrupted_command_writes_nothing(command, tmp_path):

@@ -191,7 +191,7 @@ def g1_robot(g1):
     return (
         description,
         collisions,
-        random_poses(description, np.random.RandomState(7), 300),
+        random_poses(description, np.random.RandomState(7), 100),
     )
 
 
@@ -209,7 +209,7 @@ def test_the_order_of_frames_does_not_matter(g1_robot):
     again = shuffled[rows]
     again.frame[:] = order[again.frame]
     assert same(together, again)
-    for frame in (0, 257, 299):
+    for frame in (0, 57, 99):
         alone = collisions.contacts(poses[frame : frame + 1], 0.01)
         alone.frame[:] = frame
         assert same(together[together.frame == frame], alone)
@@ -308,7 +308,7 @@ def test_another_engine_agrees(g1_robot, g1_file):
     """
     description, collisions, poses = g1_robot
     is_ours = g1_file.parent.name == "urdf"
-    poses = poses if is_ours else poses[:60]
+    poses = poses if is_ours else poses[:10]
     oracle = Oracle(description)
     names = description.link_names
     expected = oracle.distances(poses, {*collisions.pairs}, names)

@@ -42,7 +42,7 @@ def refusal(asked):
     return str(caught.value)
 
 
-@pytest.mark.parametrize("name", ["r.urdf", "my robot.urdf", "hand=true x=1.urdf"])
+@pytest.mark.parametrize("name", ["my robot.urdf", "hand=true x=1.urdf"])
 def test_a_path_is_read(write, name):
     assert read_model(str(write(name))).text == ROBOT
 
@@ -69,18 +69,16 @@ def test_what_stands_before_the_declaration_does_no_harm(write, before):
 LATIN = '<?xml version="1.0" encoding="{}"?>\n<robot name="é"><link name="a"/></robot>'
 
 
-@pytest.mark.parametrize("before", ["", "\n", '<!-- ü encoding="utf-8" -->'])
-@pytest.mark.parametrize("encoding", ["ISO-8859-1", "windows-1252", "latin1"])
-def test_a_file_is_in_the_encoding_that_it_declares(write, encoding, before):
+def test_a_file_is_in_the_encoding_that_it_declares(write):
     file = write("r.urdf")
-    file.write_bytes((before + LATIN.format(encoding)).encode(encoding))
+    file.write_bytes(LATIN.format("windows-1252").encode("windows-1252"))
     model = read_model(str(file))
     assert model.description.name == "é"
-    assert model.text.startswith(f"{before}\n<robot")
+    assert model.text.startswith("\n<robot")
     assert parse_urdf(absolute_urdf(str(file))).name == "é"
 
 
-@pytest.mark.parametrize("encoding", ["ISO-8859-1", "us-ascii", "utf-16", "none"])
+@pytest.mark.parametrize("encoding", ["ISO-8859-1", "none"])
 def test_what_is_utf_8_is_read_as_that_whatever_it_declares(write, encoding):
     file = write("r.urdf", LATIN.format(encoding))
     assert read_model(str(file)).description.name == "é"
@@ -93,12 +91,6 @@ def test_bytes_that_are_in_no_encoding_of_the_file_are_refused(write, encoding):
     file = write("r.urdf")
     file.write_bytes(LATIN.format(encoding).encode("latin-1"))
     assert f"Line 2 of {file} is not UTF-8, and no other encoding" in refusal(file)
-
-
-def test_utf_16_is_no_binary_file(tmp_path):
-    file = tmp_path / "robot.urdf"
-    file.write_bytes(LATIN.format("utf-16").encode("utf-16"))
-    assert f"Line 1 of {file} is not UTF-8" in refusal(file)
 
 
 def test_a_mesh_is_no_robot(tmp_path):
@@ -115,40 +107,6 @@ PREFIXED = (
 )
 
 
-def test_a_prefix_needs_no_namespace(write):
-    file = write("r.urdf", PREFIXED)
-    assert PREFIXED.count(":") == 6
-    assert read_model(str(file)).description.name == "r"
-    text = absolute_urdf(str(file))
-    assert '<sensor:camera name="eye"><x:y/></sensor:camera>' in text
-    assert parse_urdf(text).link_names == ("a",)
-    copy = open_robot(read_model(str(file))).text().decode()
-    assert "<x:y/>" in copy and parse_urdf(copy).link_names == ("a",)
-
-
-@pytest.mark.parametrize(
-    ("after", "words"),
-    [
-        ("<c>", "not XML: Opening and ending tag mismatch: c line 1 and robot"),
-        ("&b;", "not XML: Entity 'b' not defined"),
-        ("\x01", "invalid Char value 1"),
-        ("<c d='1' d='2'/>", "not XML: Attribute d redefined"),
-    ],
-)
-def test_beside_an_undeclared_prefix_all_other_faults_are_told(write, after, words):
-    text = PREFIXED.replace("</robot>", f"{after}</robot>")
-    assert words in refusal(write("r.urdf", text))
-    declared = f"<!DOCTYPE robot>{PREFIXED}"
-    assert "has a DOCTYPE" in refusal(write("s.urdf", declared))
-
-
-def test_a_line_is_counted_from_the_first_one_of_the_file(write):
-    told = refusal(write("r.urdf", f"\n{DECLARATION}\n<robot>\n<link>\n</robot>"))
-    assert "line 5" in told
-    assert "not XML" in refusal(write("s.urdf", "<!-- -->" * 100_000))
-    assert "not XML" in refusal(write("t.urdf", "<!-- " * 100_000))
-
-
 def test_uris_are_read(write, tmp_path, monkeypatch):
     path = write("mine/urdf/r 1.urdf")
     assert read_model("file://" + str(path).replace(" ", "%20")).path == path
@@ -160,10 +118,6 @@ def test_the_home_is_known(write, tmp_path, monkeypatch):
     monkeypatch.setenv("HOME", str(tmp_path))
     path = write("r.urdf")
     assert read_model("~/r.urdf").path == path
-
-
-def test_a_home_that_nobody_has_is_told():
-    assert "There is no folder ~nouser" in refusal("~nouser/r.urdf")
 
 
 def test_xacro_takes_arguments(write):
@@ -193,9 +147,8 @@ def test_the_file_that_xacro_fails_in_is_named(write):
     assert "mismatched tag: line 2" in refusal(write("x.xacro", "<robot>\n</link>"))
 
 
-@pytest.mark.parametrize("encoding", ["latin-1", "ascii"])
-def test_an_error_of_xacro_is_read_in_any_encoding(write, monkeypatch, encoding):
-    monkeypatch.setenv("PYTHONIOENCODING", encoding)
+def test_an_error_of_xacro_is_read_in_any_encoding(write, monkeypatch):
+    monkeypatch.setenv("PYTHONIOENCODING", "latin-1")
     told = refusal(write("größe.xacro", "<robot>\n</link>"))
     assert "mismatched tag" in told
     assert "größe.xacro" in told
@@ -277,26 +230,6 @@ def test_what_no_robot_can_be_is_not_read(write, tmp_path):
     assert "Line 2" in refusal(tmp_path / "latin.urdf")
     assert "too long" in refusal(tmp_path / ("x" * 300))
     assert "null" in refusal("x\0.urdf")
-
-
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may read everything")
-def test_what_may_not_be_read_is_told(write):
-    path = write("secret.urdf")
-    path.chmod(0)
-    assert "Permission denied" in refusal(path)
-
-
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may read everything")
-@pytest.mark.parametrize("mode", [0o100, 0o000])
-def test_what_is_near_is_left_out_where_it_may_not_be_read(write, mode):
-    folder = write("secret/r.urdf").parent
-    folder.chmod(mode)
-    try:
-        assert refusal(folder).endswith("secret is a folder.")
-        told = refusal(folder / "x.urdf")
-        assert told.endswith("no file " + str(folder / "x.urdf") + ".") == (mode > 0)
-    finally:
-        folder.chmod(0o700)
 
 
 NEWER = """<robot name="r" version="1.1"><link name="a">

@@ -17,7 +17,7 @@ from g1_description.robot.urdf import parse_urdf
 
 ROBOTS = sorted((REPOSITORY / "test" / "data").glob("*.urdf"))
 MODELS = ("g1", "outer::inner")
-N = 40
+N = 20
 FURTHEST = 100.0
 """How far from the world's origin a robot may stand, in [m]."""
 WIDE = 6.0
@@ -141,10 +141,6 @@ def as_gazebo_lumps_them(text, groups, random):
     return list(assembly.link_names)
 
 
-def the_lowest_of_each_rigid_group(text, groups, random):
-    return [group[-1] for group in groups]
-
-
 def some_of_each_rigid_group(text, groups, random):
     kept = [random.permutation(group) for group in groups]
     return [link for group in kept for link in group[: random.integers(len(group)) + 1]]
@@ -177,7 +173,6 @@ FLYING = {"floating_base": "pelvis", "free_bodies": "base"}
 WAYS = (
     all_links,
     as_gazebo_lumps_them,
-    the_lowest_of_each_rigid_group,
     some_of_each_rigid_group,
 )
 
@@ -192,7 +187,7 @@ def assert_seen(estimator, states, drawn):
 @pytest.mark.parametrize("way", WAYS, ids=lambda way: way.__name__)
 @pytest.mark.parametrize("file", ROBOTS, ids=lambda file: file.stem)
 def test_every_robot_reads_as_it_was_placed(file, way):
-    """Two of it at once, a hundred configurations, ten sets of links in turn."""
+    """Two of it at once, twenty configurations, ten sets of links in turn."""
     text, random = file.read_text(), np.random.default_rng(ROBOTS.index(file))
     groups = rigid_groups(text)
     drawn = [random_positions(text, random) for _ in MODELS]

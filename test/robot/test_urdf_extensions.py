@@ -25,13 +25,9 @@ def gazebo(inside, reference=None):
     ("blocks", "static"),
     [
         (gazebo("<static>true</static>"), True),
-        (gazebo("<static> Yes </static>"), True),
         (gazebo('<static value="1"/>'), True),
-        (gazebo("<static>false</static>"), False),
         (gazebo("<static>true</static>") + gazebo("<static>0</static>"), False),
-        (gazebo("<static>true</static>") + gazebo("<plugin/>"), True),
         (gazebo("<static>true</static>", "a"), False),
-        ("<static>true</static>", False),
     ],
 )
 def test_a_robot_is_static_where_its_file_says_so_last(blocks, static):
@@ -61,15 +57,10 @@ ON = "<turnGravityOff>false</turnGravityOff>"
 @pytest.mark.parametrize(
     ("blocks", "pulled"),
     [
-        ("", True),
         (gazebo(OFF, "a"), False),
-        (gazebo("<turnGravityOff value='yes'/>", "a"), False),
         (gazebo("<gravity>0</gravity>", "a"), False),
-        (gazebo("<gravity>false</gravity>", "a"), False),
-        (gazebo("<gravity>true</gravity>", "a"), True),
         (gazebo(OFF, "a") + gazebo("<material/>", "a"), False),
         (gazebo(OFF, "a") + gazebo(ON, "a"), True),
-        (gazebo(ON, "a") + gazebo(OFF, "a"), False),
         (gazebo(OFF, "b") + gazebo(OFF), True),
     ],
 )
@@ -83,9 +74,7 @@ def test_a_link_has_no_gravity_where_the_file_says_so_last(blocks, pulled):
     ("blocks", "pulled"),
     [
         (gazebo(OFF, "c"), False),
-        (gazebo(OFF, "c") + gazebo(ON, "a"), False),
         (gazebo(ON, "c") + gazebo(OFF, "a"), True),
-        (gazebo(OFF, "c") + gazebo(ON, "b"), False),
         (gazebo(OFF, "c") + gazebo(ON, "d"), True),
     ],
 )
@@ -106,10 +95,8 @@ GOES = "<disableFixedJointLumping>false</disableFixedJointLumping>"
     ("blocks", "kind"),
     [
         (gazebo(STAYS, "ab"), "revolute"),
-        (gazebo(STAYS, "ab") + gazebo(GOES, "ab"), "revolute"),
         (gazebo(FIXED, "ab"), "fixed"),
         (gazebo(FIXED, "ab") + gazebo(STAYS, "ab"), "fixed"),
-        (gazebo(STAYS + FIXED, "ab"), "fixed"),
     ],
 )
 def test_a_fixed_joint_is_kept_where_the_file_says_so(blocks, kind):
@@ -126,24 +113,10 @@ def test_a_fixed_joint_is_kept_where_the_file_says_so(blocks, kind):
     assert (first.name, first.kind, second.parent) == ("ab", kind, "b")
 
 
-def test_a_joint_that_is_not_lumped_but_made_to_turn_cannot():
-    lumped = lump(link("a"), link("b"), joint("ab", "a", "b"), gazebo(STAYS, "ab"))
-    (only,) = lumped.description.joints
-    assert (only.lower, only.upper, *only.axis) == (0.0, 0.0, 0.0, 0.0, 1.0)
-
-
-@pytest.mark.parametrize(
-    "block", [gazebo(GOES, "ab"), gazebo(STAYS, "b"), gazebo(FIXED), gazebo(STAYS, "x")]
-)
+@pytest.mark.parametrize("block", [gazebo(GOES, "ab"), gazebo(STAYS, "x")])
 def test_other_fixed_joints_are_lumped(block):
     lumped = lump(link("a"), link("b"), joint("ab", "a", "b"), block)
     assert lumped.link_names == ("a",)
-
-
-def test_what_is_said_of_a_fixed_joint_means_nothing_for_one_that_moves():
-    moving = joint("ab", "a", "b", "continuous")
-    (only,) = lump(link("a"), link("b"), moving, gazebo(STAYS, "ab")).description.joints
-    assert (only.kind, only.upper) == ("continuous", np.inf)
 
 
 def test_a_joint_to_the_world_is_made_to_turn_too():
@@ -162,13 +135,6 @@ def test_a_kept_joint_is_fixed_for_the_bridge():
     assert (measured.names, measured.missing) == (("bc",), ())
 
 
-def test_the_bridge_sees_the_world_through_what_is_fixed_to_it():
-    joints = joint("wa", "world", "a"), joint("wb", "world", "b", "continuous")
-    text = "".join((link("world", ""), link("a"), link("b"), *joints))
-    robot = parse_urdf(f'<robot name="r">{text}</robot>')
-    assert measured_joints(robot, ["a", "b"]).names == ("wb",)
-
-
 def test_a_link_without_mass_on_a_kept_joint_is_left_out():
     """The mass of the body above is not its own."""
     parts = link("a"), link("b", ""), joint("ab", "a", "b"), gazebo(FIXED, "ab")
@@ -182,10 +148,8 @@ def test_a_link_without_mass_on_a_kept_joint_is_left_out():
     ("blocks", "own", "lumped"),
     [
         (gazebo("<mu1>0.3</mu1>", "a"), 0.3, None),
-        (gazebo("<mu1 value='.3'/>", "b"), None, 0.3),
         (gazebo("<mu1>0.3</mu1>", "a") + gazebo("<mu1>2</mu1>", "a"), 2.0, None),
         (gazebo("<mu1>-1</mu1>", "a"), np.inf, None),
-        (gazebo("<mu1>0.3</mu1>"), None, None),
         (gazebo("<mu2>0.3</mu2>", "a"), None, None),
     ],
 )
@@ -198,20 +162,11 @@ def test_mu1_is_the_friction_of_the_shapes_of_its_link(blocks, own, lumped):
 @pytest.mark.parametrize(
     ("blocks", "clauses"),
     [
-        ("", ()),
         (gazebo("<plugin/><sensor/>") + gazebo("<material>m</material>", "a"), ()),
-        (gazebo("<visual/><maxContacts>9</maxContacts><mu1>1</mu1>", "a"), ()),
-        (gazebo("<mu1>0.5</mu1><mu2>0.5</mu2>", "a"), ()),
-        (gazebo("<canonicalBody>a</canonicalBody>", "a"), ()),
         (gazebo("<selfCollide>false</selfCollide><laserRetro/>", "a"), ()),
-        (gazebo("<provideFeedback>0</provideFeedback>", "ab"), ()),
-        (gazebo("<dampingFactor>0.0</dampingFactor>", "a"), ()),
         (gazebo("<mu1>0.5</mu1><mu2>0.7</mu2>", "a"), ("mu2",)),
         (gazebo("<kp>1</kp><kd>1</kd>", "a") + gazebo("<kp>2</kp>", "b"), ("kp, kd",)),
-        (gazebo("<selfCollide>1</selfCollide>", "a"), ("selfCollide",)),
-        (gazebo("<mu1>0.5</mu1><static>true</static>", "ab"), ("mu1, static",)),
         (gazebo(STAYS, "a"), ("disableFixedJointLumping",)),
-        (gazebo("<x:kp xmlns:x='y'>1</x:kp>", "a"), ("kp",)),
     ],
 )
 def test_what_is_not_simulated_is_named_once(blocks, clauses):
@@ -228,26 +183,8 @@ def test_what_is_not_simulated_is_named_once(blocks, clauses):
             "static is ignored: static must be true or false (got 'maybe')",
         ),
         (
-            gazebo(f"<static>{'x' * 1000}</static>"),
-            f"static is ignored: static must be true or false (got '{'x' * 40}')",
-        ),
-        (
-            gazebo("<turnGravityOff/>", "a"),
-            "turnGravityOff of a is ignored: turnGravityOff must be true or "
-            "false (got '')",
-        ),
-        (
-            gazebo("<gravity>9.8</gravity>", "a"),
-            "gravity of a is ignored: gravity must be true or false (got '9.8')",
-        ),
-        (
             gazebo("<mu1>much</mu1>", "a"),
             "mu1 of a is ignored: The mu1 must be a number (got 'much')",
-        ),
-        (
-            gazebo("<mu1>nan</mu1>", "a"),
-            "mu1 of a is ignored: The mu1 has the numbers [nan], not all are from "
-            "-1e+09 to 1e+09",
         ),
         (
             gazebo(OFF, "arm") + gazebo(OFF, "leg") + gazebo("<material/>", "eye"),

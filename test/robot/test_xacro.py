@@ -143,16 +143,13 @@ def test_a_value_of_yaml_that_is_missing_is_told_with_the_file(package):
         read_model(str(file))
 
 
-@pytest.mark.parametrize(
-    "asked", ["$(find no_such_package)", "${xacro.load_yaml('x')}"]
-)
-def test_what_is_not_found_is_told_in_one_sentence(package, asked):
+def test_what_is_not_found_is_told_in_one_sentence(package):
     file = package / "r.xacro"
-    file.write_text(f'<robot name="r"><link name="{asked}"/></robot>')
+    file.write_text('<robot name="r"><link name="$(find no_such_package)"/></robot>')
     with pytest.raises(DescriptionError) as caught:
         read_model(str(file))
     told = str(caught.value)
-    assert ("no_such_package" in told) == ("find" in asked)
+    assert "no_such_package" in told
     assert told.count("o such file") + told.count("no package") == 1
     assert "<class" not in told
     assert "\n" not in told
@@ -169,8 +166,6 @@ def test_unknown_arguments_are_ignored_and_told(package, capfd):
     "text",
     [
         ARM,
-        ARM.replace(' xmlns:xacro="http://www.ros.org/wiki/xacro"', ""),
-        PARTS,
         '<robot name="r"><link name="l"><visual><geometry><sphere radius="${r}"/>'
         "</geometry></visual></link></robot>",
     ],
@@ -185,22 +180,13 @@ def test_xacro_under_the_name_of_urdf_gets_a_hint(tmp_path, text):
     )
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ('<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"/>', "no links"),
-        (
-            '<robot name="r"><link name="a"/><link name="b"/><gazebo>'
-            '<plugin filename="${x}"><p v="${y}"/></plugin></gazebo></robot>',
-            "a and b",
-        ),
-    ],
-    ids=["expanded", "what a plugin expands"],
-)
-def test_what_is_no_xacro_gets_none(tmp_path, text, words):
+def test_what_is_no_xacro_gets_none(tmp_path):
     file = tmp_path / "arm.urdf"
-    file.write_text(text)
-    with pytest.raises(DescriptionError, match=words) as caught:
+    file.write_text(
+        '<robot name="r"><link name="a"/><link name="b"/><gazebo>'
+        '<plugin filename="${x}"><p v="${y}"/></plugin></gazebo></robot>'
+    )
+    with pytest.raises(DescriptionError, match="a and b") as caught:
         read_model(str(file))
     assert "xacro" not in str(caught.value)
 

@@ -42,8 +42,8 @@ def fed(messages, *callbacks):
     return took[0]
 
 
-@pytest.mark.parametrize("n_callbacks", [1, 2, 3])
-def test_a_burst_is_taken_at_once(n_callbacks):
+def test_a_burst_is_taken_at_once():
+    n_callbacks = 2
     seen = [[] for _ in range(n_callbacks)]
     burst = [(0.0, number) for number in range(COUNT)]
     took = fed(burst, *(gathered(some.append, PERIOD) for some in seen))
@@ -51,9 +51,9 @@ def test_a_burst_is_taken_at_once(n_callbacks):
     assert took < FEW * PERIOD, "not a pause for each"
 
 
-@pytest.mark.parametrize("n_callbacks", [1, 2])
-def test_a_stream_does_not_fall_behind(n_callbacks):
+def test_a_stream_does_not_fall_behind():
     # 1000 Hz, as joint states come: more in a second than there are pauses.
+    n_callbacks = 2
     stream = [(0.001 * number, number) for number in range(COUNT)]
     seen = [[] for _ in range(n_callbacks)]
     took = fed(stream, *(gathered(some.append, PERIOD) for some in seen))

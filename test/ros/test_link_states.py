@@ -5,7 +5,7 @@ import struct
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from g1_description.errors import WireFormatError
@@ -46,21 +46,14 @@ def genpy_bytes(names, poses, twists):
     return buffer.getvalue()
 
 
+@settings(max_examples=20)
 @given(NAMES, SEEDS)
 def test_bytes_are_those_of_the_message_class(names, seed):
     message = random_message(names, seed)
     assert LinkStatesEncoder().encode(*message) == genpy_bytes(*message)
 
 
-def test_names_that_are_the_same_object_are_not_written_again():
-    names, poses, twists = random_message(("a", "b"), 1)
-    encoder = LinkStatesEncoder()
-    encoder.encode(names, poses, twists)
-    head = encoder._head
-    encoder.encode(names, poses, twists)
-    assert encoder._head is head
-
-
+@settings(max_examples=20)
 @given(st.lists(st.tuples(NAMES, SEEDS), max_size=5))
 def test_what_is_written_is_read_also_when_names_change(messages):
     encoder, decoder = LinkStatesEncoder(), LinkStatesDecoder()
@@ -137,6 +130,7 @@ STAMPS = st.integers(0, 2**32 * 10**9 - 1)
 MODELS = st.dictionaries(st.text(max_size=5), NAMES, max_size=3)
 
 
+@settings(max_examples=20)
 @given(NAMES, SEEDS, STAMPS, st.text(max_size=9), st.lists(MODELS, min_size=1))
 def test_a_simulator_state_is_read_with_its_stamp(names, seed, stamp, frame, models):
     states = random_message(names, seed)
@@ -155,6 +149,7 @@ def test_a_simulator_state_is_read_with_its_stamp(names, seed, stamp, frame, mod
         assert data.endswith(written)
 
 
+@settings(max_examples=20)
 @given(NAMES, SEEDS, MODELS, st.data())
 def test_a_simulator_state_cut_short_raises(names, seed, models, data):
     motors = random_motors(models, seed)
@@ -166,6 +161,7 @@ def test_a_simulator_state_cut_short_raises(names, seed, models, data):
         LinkStatesDecoder().decode_stamped(whole + b"x")
 
 
+@settings(max_examples=20)
 @given(NAMES, SEEDS, st.data())
 def test_a_message_cut_short_raises(names, seed, data):
     whole = LinkStatesEncoder().encode(*random_message(names, seed))
@@ -175,16 +171,6 @@ def test_a_message_cut_short_raises(names, seed, data):
     with pytest.raises(WireFormatError):
         decoder.decode(whole[:cut])
     assert list(decoder.decode(whole).names) == names
-
-
-@given(st.binary(max_size=300))
-def test_garbage_raises_or_is_a_whole_message(data):
-    decoder = LinkStatesDecoder()
-    try:
-        read = decoder.decode(data)
-    except WireFormatError:
-        return
-    assert len(read.poses) == len(read.twists) == len(read.names)
 
 
 @pytest.mark.parametrize(
