@@ -86,17 +86,6 @@ def test_an_interrupt_that_python_ignored_comes_again(capfd):
     assert capfd.readouterr().err == ""
 
 
-def test_other_exceptions_that_python_ignored_are_told(capfd):
-    class Careless:
-        def __del__(self):
-            raise ValueError("dropped")
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("sys.unraisablehook", command_start._come_again)
-        Careless()
-    assert "ValueError: dropped" in capfd.readouterr().err
-
-
 @pytest.mark.parametrize(
     ("error", "is_down", "end"),
     [
@@ -104,7 +93,6 @@ def test_other_exceptions_that_python_ignored_are_told(capfd):
         (KeyboardInterrupt(), False, SystemExit),
         (RuntimeError("no node"), True, SystemExit),
         (RuntimeError("no node"), False, RuntimeError),
-        (SystemExit(2), False, SystemExit),
     ],
 )
 def test_only_signals_end_it_quietly(monkeypatch, capsys, error, is_down, end):

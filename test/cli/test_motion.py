@@ -106,9 +106,7 @@ def begun_at(begin, file):
 
 
 @pytest.mark.parametrize("what", EDITS)
-@pytest.mark.parametrize(
-    ("ending", "begin"), [("csv", 0.0), ("npz", 0.0), ("csv", 100.0)]
-)
+@pytest.mark.parametrize(("ending", "begin"), [("npz", 0.0), ("csv", 100.0)])
 def test_a_motion_is_edited_and_written(folder, capsys, what, ending, begin):
     for file in write_motions(folder, 0.5, 0.3):
         begun_at(begin, file)
@@ -163,25 +161,14 @@ def test_joints_are_chosen_and_ordered_as_isaac_lab_does(folder, capsys):
     np.testing.assert_array_equal(back.positions, poses * kept)
 
 
-def test_a_report_in_the_folder_is_no_failure(folder, capsys):
-    write_motions(folder, 0.5)
-    (folder / "report.csv").write_text("file,result\nmotion0.csv,passed\n")
-    assert run("info", ".") == 0
-    assert (
-        "2 motions: 1 read, 1 not a motion; ignored 1 with" in capsys.readouterr().err
-    )
-    assert run("info", "report.csv") == 1  # it was named
-
-
-@pytest.mark.parametrize("jobs", [1, 2])
-def test_a_folder_is_converted_and_gone_on_with(folder, capsys, jobs):
+def test_a_folder_is_converted_and_gone_on_with(folder, capsys):
     (folder / "in" / "deeper").mkdir(parents=True)
     write_motions(folder / "in", 0.1, 0.2)
     write_motions(folder / "in" / "deeper", 0.3)
     (folder / "in" / "bad.csv").write_text("time,arm_joint\n0,x\n")
     (folder / "out" / "deeper").mkdir(parents=True)
     (folder / "out" / "deeper" / "motion0.npz").write_text("kept")
-    words = ["in", "--out", "out", "--to", "npz", "--jobs", jobs]
+    words = ["in", "--out", "out", "--to", "npz", "--jobs", 2]
     assert run("convert", *words) == 1
     output = capsys.readouterr()
     assert output.out.splitlines() == [
@@ -275,27 +262,6 @@ def test_files_with_fewer_joints_are_told(folder, capsys):
     assert "fewer joints" not in capsys.readouterr().err
 
 
-def test_files_of_the_same_name_keep_their_extensions(folder):
-    write_motions(folder, 0.1)
-    assert run("convert", "motion0.csv", "--out", "motion0.npz") == 0
-    words = ["motion0.csv", "motion0.npz", "--out", "out", "--to", "csv"]
-    assert run("convert", *words) == 0
-    found = sorted(path.name for path in (folder / "out").iterdir())
-    assert found == ["motion0.csv.csv", "motion0.npz.csv"]
-
-
-def test_a_folder_that_is_a_motion_keeps_its_whole_name(folder):
-    robot = Robot()
-    base = np.tile([0.0, 0.0, 0.8, 0.0, 0.0, 0.0, 1.0], (4, 1))
-    poses = robot.random_configuration(3, 4)
-    whole = robot.trajectory(np.arange(4) / 50, poses, None, base)
-    robot.write_motion(folder / "in" / "walk_1.5", whole, format="sonic")
-    g1 = "package://g1_description/urdf/g1_29dof.urdf"
-    assert run("convert", "in", "--out", "out", "--to", "csv", model=g1) == 0
-    found = sorted(path.name for path in (folder / "out").iterdir())
-    assert found == ["walk_1.5.csv"]
-
-
 def test_a_motion_is_joined_as_often_as_it_is_given(folder, capsys):
     write_motions(folder, 0.5, 0.3)
     words = ["motion0.csv", "motion1.csv", "motion0.csv", "--out", "a.csv"]
@@ -350,14 +316,10 @@ def test_one_or_all_motions_of_a_file_are_taken(motions, capsys):
     ("words", "told"),
     [
         ("", "a command is missing; see motion -h."),
-        ("check a.csv", "check is a command of its own: rosrun g1_description check"),
         ("cut motion0.csv --out a.csv", "give --from, --until or both"),
-        ("cut motion0.csv --from 0", "the following arguments are required: --out"),
         ("pad motion0.csv --out a.csv", "give --begin, --end or both"),
         ("retime motion0.csv --out a.csv", "give one of --speed, --duration and"),
-        ("retime motion0.csv --out a.csv --speed 1 --fastest", "give one of --speed"),
         ("rename motion0.csv --out a.csv --names a", "must be OLD=NEW,..."),
-        ("rename motion0.csv --out a.csv --names a=b", "post has no joint 'b'."),
         ("join motion0.csv --out a.csv", "join needs at least two motions."),
         ("convert none.csv --out a.csv", "none.csv does not exist."),
         ("convert motion.csv --out a.csv", "motion.csv does not exist (did you mean"),
@@ -365,16 +327,12 @@ def test_one_or_all_motions_of_a_file_are_taken(motions, capsys):
         ("convert motion0.csv --out a.npz --to mjlb", "(did you mean mjlab?)"),
         ("convert motion0.csv --out post.csv", "post.csv exists; --force replaces it."),
         ("convert motion0.csv --out a.txt", "it must end in .csv or"),
-        ("convert motion0.csv --out a.csv --to npz", "npz files end in .npz"),
         ("convert motion0.csv --out out", "--to must name the format: csv, "),
         ("convert . --out a.csv", "--out must be a folder for 2 motions"),
-        ("convert . --out ./out --to npz", "must not be in ., a folder read."),
-        ("convert motion0.csv --out a.csv --joints 23", "--joints 23 needs joints"),
         (
             "convert motion0.csv --out a.pkl --joint-order isaaclab",
             "--joint-order is for csv, npz, bag: the format gmr has one order",
         ),
-        ("pad motion0.csv --begin stan --out a.csv", "Unknown pose 'stan'. Known"),
     ],
 )
 def test_what_cannot_be_done_is_told_in_a_line(
@@ -392,12 +350,11 @@ def test_what_cannot_be_done_is_told_in_a_line(
     assert (folder / "post.csv").read_text() == "mine"
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
-def test_ctrl_c_leaves_whole_files(folder, monkeypatch, jobs):
+def test_ctrl_c_leaves_whole_files(folder, monkeypatch):
     """It comes to the whole group with the first outcome, as from a terminal."""
     (folder / "in").mkdir()
     write_motions(folder / "in", *20 * [0.3])
-    words = ["--out", "out", "--to", "npz", "--jobs", str(jobs)]
+    words = ["--out", "out", "--to", "npz", "--jobs", str(2)]
     words += ["--model", "post.urdf"]
 
     class Interrupted(motion.Printer):

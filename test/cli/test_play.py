@@ -66,21 +66,6 @@ def test_other_keys_are_skipped_whole(ends, keyboard):
     assert keys(keyboard, 2) == ["space", "q"]
 
 
-def test_a_key_may_come_in_parts(ends, keyboard):
-    os.write(ends[0], b"\x1b")
-    assert keyboard.next_key(10.0) == ""
-    os.write(ends[0], b"[C")
-    assert keyboard.next_key(10.0) == "right"
-
-
-def test_escape_alone_takes_nothing_from_later_keys(ends, keyboard):
-    os.write(ends[0], b"\x1b")
-    assert keys(keyboard, 1) == [""]
-    assert keyboard.next_key(SOON) == ""
-    os.write(ends[0], b"\x1b[D")
-    assert keyboard.next_key(10.0) == "left"
-
-
 def test_a_terminal_that_is_gone_ends_it(ends, keyboard):
     os.close(ends[0])
     assert keyboard.next_key(10.0) == "q"

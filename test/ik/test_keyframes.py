@@ -106,10 +106,9 @@ def test_nothing_overshoots_between_two_keyframes(g1, pick_up):
         assert (motion.positions[rows] <= both.max(axis=0) + 1e-9).all()
 
 
-@pytest.mark.parametrize("way", [STOP, PASS])
-def test_times_that_are_too_short_are_lengthened(g1, pick_up, way):
+def test_times_that_are_too_short_are_lengthened(g1, pick_up):
     short = [f._replace(time=PERIOD * n) for n, f in enumerate(pick_up)]
-    made = through(g1, short, way)
+    made = through(g1, short, PASS)
     relative = np.abs(speeds(made.motion)) / g1.velocity_limits
     assert relative.max() <= 1.0
     assert (np.diff(made.times)[:2] > PERIOD).all()
@@ -149,7 +148,7 @@ def test_keyframes_beyond_limits_and_joints_without_speeds_make_no_endless_motio
     assert made.motion.duration == pytest.approx(1.0)
 
 
-@settings(max_examples=15)
+@settings(max_examples=8)
 @given(
     chains(max_joints=5),
     st.integers(0, 1000),

@@ -23,13 +23,9 @@ from g1_description.errors import DescriptionError
 from g1_description.files import model_files
 from g1_description.files.uris import local_path, with_absolute_uris
 from g1_description.importer.command import run
-from g1_description.importer.folder import Folder
-from g1_description.importer.importing import FileNames
-from g1_description.robot.description import Shape
 from g1_description.robot.load import read_model
 from g1_description.robot.lumping import lump_fixed_joints
 from g1_description.robot.urdf import parse_urdf
-from g1_description.sim.meshes.shapes import find_meshes
 
 LINK = '<link name="{}"><inertial><mass value="2"/><inertia {}/></inertial>{}</link>'
 ROUND = 'ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"'
@@ -160,31 +156,6 @@ def test_meshes_come_along_and_the_source_stays(bring, source):
     assert 'a.STL | 12 | header no longer begins with "solid" |' in report
 
 
-def test_a_mass_is_told_where_the_file_gives_one(bring):
-    """Unknown is not zero."""
-    heavy = LINK.format("a", ROUND, "")
-    for link, words in ((heavy, ", 2 kg, meshes"), ('<link name="a"/>', "), meshes")):
-        urdf = bring(f'<robot name="r">{link}</robot>', "--force")
-        assert words in (urdf.parents[1] / "report.md").read_text()
-
-
-def test_one_name_in_two_folders_is_two_files(bring, source):
-    stl(source / "left" / "x.stl", (1, 1, 1))
-    stl(source / "right" / "x.stl", (2, 2, 2))
-    urdf = bring(robot(shape("visual", "left/x.stl") + shape("visual", "right/x.stl")))
-    paths = [path for path, _ in mesh_files(urdf).values()]
-    assert [trimesh.load(path).extents[0] for path in paths] == pytest.approx([1, 2])
-
-
-def test_names_that_become_one_are_counted(bring, source):
-    for number, name in enumerate(("a b.stl", "a_b.stl", "a%b.stl")):
-        stl(source / name, (number + 1,) * 3)
-    names = ("a b.stl", "a_b.stl", "a%b.stl")
-    urdf = bring(robot("".join(shape("visual", name) for name in names)))
-    paths = [path for path, _ in mesh_files(urdf).values()]
-    assert [trimesh.load(path).extents[0] for path in paths] == pytest.approx([1, 2, 3])
-
-
 def test_all_kinds_of_names_are_found(bring, source, tmp_path, monkeypatch):
     stl(tmp_path / "models" / "arm" / "x.stl")
     monkeypatch.setenv("GAZEBO_MODEL_PATH", str(tmp_path / "models"))
@@ -211,14 +182,6 @@ def test_a_name_that_goes_up_leads_out_of_no_folder(bring, source, out):
     assert all(out in path.parents for path, _ in mesh_files(urdf).values())
 
 
-def test_nothing_is_written_beside_the_folder(out):
-    folder = Folder(out, replace=True)
-    words = r"meshes/\.\./\.\./z\.stl is outside"
-    with pytest.raises(DescriptionError, match=words), folder.completed():
-        folder.write("meshes/../../z.stl", b"")
-    assert not list(out.parent.iterdir())
-
-
 def test_a_missing_mesh_is_named_and_taken_out(bring, source):
     stl(source / "a.stl")
     stl(source / "cut.stl")
@@ -235,60 +198,6 @@ def test_a_missing_mesh_is_named_and_taken_out(bring, source):
     ):
         assert words in bring.told
         assert words in (urdf.parents[1] / "report.md").read_text()
-
-
-def faults(told):
-    """Give what is told of files that cannot be read, by their names."""
-    return dict(
-        re.findall(
-            r"(\S+)(?: \(.*\))? cannot be read: (.*?)(?:; removed)?\.?$", told, re.M
-        )
-    )
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("options", [[], ["--decimate", "20", "--tolerance", "9"]])
-def test_the_import_and_the_stand_in_agree_on_what_can_be_read(bring, source, options):
-    """More files than are read at once, so that the last come from another process.
-
-    Those that are many have no more triangles than are wanted, so it takes less long.
-    """
-    source.mkdir()
-    ball = trimesh.creation.icosphere(2)
-    binary = ball.export(file_type="stl")
-    text = ball.export(file_type="stl_ascii").encode()
-    obj = trimesh.creation.icosahedron().export(file_type="obj", header="").encode()
-    files = {
-        "cut.dae": dae().encode()[:500],
-        "stl.dae": binary,
-        "no_scene.dae": re.sub("<scene>.*</scene>", "", dae()).encode(),
-        "no_unit.dae": dae().replace('meter="1"', 'meter="0"').encode(),
-        "far.obj": obj + b"f 1 2 999999\n",
-        "no_faces.obj": b"v 0 0 0\nv 1 0 0\nv 0 1 0\n",
-        "upper.STL": text.upper(),
-        "behind.stl": binary + b"\0\0\0",
-        "cut.stl": binary[:-1],
-        "nan.stl": re.sub(rb"vertex \S+", b"vertex nan", text, count=1),
-        **{f"good_{n}.obj": obj for n in range(9)},
-        "good.dae": dae().encode(),
-        "good.stl": binary,
-        "text.stl": text,
-    }
-    for name, data in files.items():
-        (source / name).write_bytes(data)
-    inside = "".join(shape("visual", name) for name in files)
-    urdf = bring(robot(inside), *options)
-    _, left_out = find_meshes(
-        [
-            Shape("mesh", (1.0,) * 3, np.zeros(7), f"file://{source / name}")
-            for name in files
-        ],
-    )
-    clauses = "\n".join(f"  {message}" for message in left_out)
-    refused = {name.split("/")[-1]: why for name, why in faults(clauses).items()}
-    assert faults(bring.told) == refused
-    assert set(refused) == {name for name in [*files][:10]}
-    assert len(mesh_files(urdf)) == len(files) - len(refused)
 
 
 def test_an_stl_of_text_or_without_normals_becomes_binary_with_them(bring, source):
@@ -315,24 +224,6 @@ def test_a_missing_mesh_stays_if_asked_for(bring):
     urdf = bring(robot(shape("visual", "nowhere.stl")), "--keep-missing")
     assert 'filename="nowhere.stl"' in urdf.read_text()
     assert "; kept in the URDF" in bring.told
-
-
-@pytest.mark.parametrize("options", [[], ["--keep-missing"]])
-@pytest.mark.parametrize("element", ["<texture/>", '<texture filename=""/>'])
-def test_a_texture_without_a_name_is_told_as_that(bring, element, options):
-    """There is no name that could stay."""
-    material = f'<material name="green"><color rgba="0 1 0 1"/>{element}</material>'
-    urdf = bring(robot("", links=material), *options)
-    sentence = "The texture of material green has no file name; removed."
-    assert f"\n  {sentence}\n" in bring.told
-    assert f"\n- {sentence}\n" in (urdf.parents[1] / "report.md").read_text()
-    assert "<texture" not in urdf.read_text()
-
-
-def test_what_is_elsewhere_stays(bring):
-    urdf = bring(robot(shape("visual", "http://host/x.stl")))
-    assert 'filename="http://host/x.stl"' in urdf.read_text()
-    assert "http://host/x.stl (visual of link base) is not a local file" in bring.told
 
 
 def test_materials_and_textures_come_along(bring, source):
@@ -369,65 +260,6 @@ def test_materials_and_textures_come_along(bring, source):
     assert "../meshes/pictures/t.png" in urdf.read_text()
 
 
-def test_all_materials_of_a_line_come_along(bring, source):
-    source.mkdir()
-    for name in ("a.mtl", "b.mtl", "c d.mtl"):
-        (source / name).write_text(f"newmtl {name[0]}\n")
-    box = trimesh.creation.box().export(file_type="obj", header="")
-    lines = "mtllib a.mtl b.mtl no.mtl\nmtllib c d.mtl\n"
-    (source / "x.obj").write_text(lines + box)
-    urdf = bring(robot(shape("visual", "x.obj")))
-    written = set(contents(urdf.parents[1] / "meshes"))
-    assert written == {"x.obj", "a.mtl", "b.mtl", "c d.mtl"}
-    assert "x.obj refers to no.mtl, which does not exist" in bring.told
-
-
-def test_only_images_of_a_dae_are_files(bring, source):
-    source.mkdir()
-    for name in ("a.png", "b.png"):
-        (source / name).write_bytes(b"PNG")
-    (source / "x.dae").write_text(
-        dae(
-            '<image id="empty"/><surface><init_from>tex_img</init_from></surface>'
-            '<image id="tex_img">\n<init_from>a.png</init_from></image><surface>'
-            "<init_from>tex_img</init_from></surface><library_images><image>"
-            "<init_from><ref>b.png</ref></init_from></image></library_images>"
-        )
-    )
-    urdf = bring(robot(shape("visual", "x.dae")))
-    assert set(contents(urdf.parents[1] / "meshes")) == {"x.dae", "a.png", "b.png"}
-    assert "tex_img" not in bring.told
-
-
-def test_what_a_mesh_names_keeps_its_place(bring, source):
-    source.mkdir()
-    for name in ("a b.png", "a_b.png", "c d", "c_d/t u/w.png"):
-        (source / name).parent.mkdir(parents=True, exist_ok=True)
-        (source / name).write_bytes(b"PNG " + name.encode())
-    (source / "x.dae").write_text(
-        dae(
-            '<library_images><image id="a"><init_from>a_b.png</init_from></image>'
-            '<image id="b"><init_from>c_d/t u/w.png</init_from></image>'
-            "</library_images>"
-        )
-    )
-    textures = "".join(
-        f'<material name="{name}"><texture filename="{name}"/></material>'
-        for name in ("a b.png", "c d")
-    )
-    urdf = bring(robot(shape("visual", "x.dae"), links=textures))
-    named = re.findall('texture filename="(.*?)"', urdf.read_text())
-    written = [(urdf.parent / name).read_bytes() for name in named]
-    assert written == [b"PNG a b.png", b"PNG c d"]
-    for name in ("a_b.png", "c_d/t u/w.png"):
-        copy = urdf.parents[1] / "meshes" / name
-        assert copy.read_bytes() == (source / name).read_bytes()
-
-
-def test_a_root_of_two_slashes_is_a_root_too():
-    assert FileNames([Path("/a/x.png"), Path("//a/x.png")]).of(Path("//a/x.png"))
-
-
 def test_links_without_mass_are_told_apart(bring):
     text = robot(
         "",
@@ -451,33 +283,6 @@ def test_links_without_mass_are_told_apart(bring):
     assert "explicit mass" not in again
 
 
-def test_a_link_of_mass_zero_that_could_move_is_named(bring):
-    zero = LINK.replace('value="2"', 'value="0"')
-    nothing = ROUND.replace('"1"', '"0"')
-    links = zero.format("loose", nothing, "") + zero.format("held", nothing, "")
-    text = robot(
-        "",
-        links=f'{links}<joint name="a" type="continuous"><parent link="base"/>'
-        '<child link="loose"/></joint><joint name="b" type="fixed">'
-        '<parent link="base"/><child link="held"/></joint>',
-    )
-    urdf = bring(text)
-    assert "Link loose has no mass and is not fixed" in bring.told
-    assert "held" not in bring.told
-    assert links in urdf.read_text()
-
-
-def test_a_root_without_mass_stays_as_it_is(bring):
-    text = robot(
-        "",
-        links='<link name="foot"/><joint name="j" type="fixed">'
-        '<parent link="foot"/><child link="base"/></joint>',
-    )
-    urdf = bring(text)
-    assert parse_urdf(urdf.read_text()).links[1].inertial is None
-    assert "foot" not in bring.told
-
-
 @pytest.mark.parametrize(
     ("inertia", "words"),
     [
@@ -486,7 +291,6 @@ def test_a_root_without_mass_stays_as_it_is(bring):
             "must satisfy the triangle",
         ),
         (ROUND.replace('iyy="1"', 'iyy="-1"'), "moments must be positive"),
-        (ROUND.replace('ixy="0"', 'ixy="3"'), "moments must be positive"),
         (ROUND.replace('izz="1"', 'izz="2"'), ""),
     ],
 )
@@ -527,22 +331,17 @@ def test_hulls_and_fewer_triangles_are_made_once(bring, source):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("kind", "scale"), [("visual", "0.001 0.001 -0.001"), ("collision", "1 1 1")]
-)
-def test_fewer_triangles_move_no_mesh_farther_than_is_allowed(
-    bring, source, scale, kind
-):
+def test_fewer_triangles_move_no_mesh_farther_than_is_allowed(bring, source):
     """In metres of the robot, whatever the unit of the file; trimesh measures it."""
-    unit = 1.0 / float(scale.split()[0])
+    unit = 1000.0
     source.mkdir()
     ball = trimesh.creation.icosphere(2, radius=0.1 * unit)
     ball.export(source / "x.stl")
     counts = {}
-    for tolerance in (0.003, 0.012) if kind == "visual" else (0.012,):
+    for tolerance in (0.003, 0.012):
         options = ["--decimate", "8", "--tolerance", str(tolerance), "--force"]
         options += ["--convex-collisions"]
-        urdf = bring(robot(shape(kind, "x.stl", scale)), *options)
+        urdf = bring(robot(shape("visual", "x.stl", "0.001 0.001 -0.001")), *options)
         ((path, _),) = mesh_files(urdf).values()
         mesh = trimesh.load(path)
         farthest = max(
@@ -560,15 +359,6 @@ def test_fewer_triangles_move_no_mesh_farther_than_is_allowed(
         assert f"moved by {moved[1]} mm" in report
         assert f"has {len(mesh.faces)} triangles: fewer would move" in bring.told
     assert (np.diff([320, *counts.values()]) < 0).all()
-
-
-def test_colours_are_not_decimated_away(bring, source):
-    source.mkdir()
-    (source / "x.mtl").write_text("newmtl m\nKd 1 0 0\n")
-    box = trimesh.creation.box().export(file_type="obj", header="")
-    (source / "x.obj").write_text(f"mtllib x.mtl\n{box}")
-    bring(robot(shape("visual", "x.obj")), "--decimate", "4")
-    assert "x.obj kept unchanged: it would lose its materials" in bring.told
 
 
 def test_a_folder_brings_all_its_robots_and_their_meshes_once(source, out):
@@ -591,17 +381,6 @@ def test_a_folder_brings_all_its_robots_and_their_meshes_once(source, out):
     assert f"c.urdf from {source}/m/deeper/c.urdf: robot r" in told
     for name in "abc":
         assert mesh_files(out / "urdf" / f"{name}.urdf")["base", "v", 0][0].is_file()
-
-
-def test_files_of_one_name_in_a_folder_are_counted(source, out):
-    for number, name in enumerate(("one", "three", "two")):
-        (source / name).mkdir(parents=True)
-        mass = LINK.replace('value="2"', f'value="{number + 1}"').format("l", ROUND, "")
-        (source / name / "r.urdf").write_text(f'<robot name="r">{mass}</robot>')
-    run([str(source), "--out", str(out)])
-    names = ("r", "r_2", "r_3")
-    robots = [read_model(str(out / "urdf" / f"{name}.urdf")) for name in names]
-    assert [robot.description.mass for robot in robots] == [1.0, 2.0, 3.0]
 
 
 def test_one_wrong_file_of_a_folder_is_named_and_left_out(source, out):
@@ -656,26 +435,6 @@ def test_nothing_is_overwritten_without_force(bring, out):
     assert "<!-- new -->" in bring(robot("<!-- new -->"), "--force").read_text()
     assert (out / "mine.txt").read_text() == "mine"
     assert not list(out.parent.glob(".import*"))
-
-
-def test_a_folder_that_has_other_files_takes_a_robot(bring, out):
-    out.mkdir()
-    (out / "package.xml").write_text("<package/>")
-    bring(robot(""))
-    written = {"urdf/r.urdf", "robot.yaml", "poses.yaml", "report.md"}
-    assert set(contents(out)) == {"package.xml"} | written
-
-
-def test_what_is_no_folder_is_in_the_way(bring, out):
-    out.write_text("mine")
-    with pytest.raises(DescriptionError, match="out: it is not a folder"):
-        bring(robot(""), "--force")
-    out.unlink()
-    out.mkdir()
-    (out / "urdf").write_text("mine")
-    with pytest.raises(DescriptionError, match="urdf is in the way"):
-        bring(robot(""), "--force")
-    assert contents(out) == {"urdf": b"mine"}
 
 
 def test_the_source_is_never_replaced(tmp_path):
@@ -770,11 +529,7 @@ def command(*arguments, first="", ignored=(), **options):
         (["no.urdf"], "Cannot use the model no.urdf: There is no file no.urdf"),
         (["."], "The folder . and its subfolders have no .urdf"),
         (["r.urdf", "--decimate", "3"], "must be a whole number at least 4 (got 3)"),
-        (["r.urdf", "--tolerance", "-1"], "must be a number at least 0 (got -1)"),
-        (["r.urdf", "--tolerance", "a"], "must be a number (got 'a')"),
         (["r.urdf", "--out", "/proc/x"], "/proc/.import_model-"),
-        (["r.urdf", "--out", ""], "argument --out: must not be empty"),
-        (["~nouser/x"], "There is no folder ~nouser"),
         ([], "the following arguments are required: MODEL"),
     ],
 )
@@ -793,8 +548,7 @@ def test_a_mistake_is_answered_with_one_sentence(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_an_interrupted_import_leaves_nothing(number, source, out, tmp_path):
+def test_an_interrupted_import_leaves_nothing(source, out, tmp_path):
     source.mkdir()
     ball = trimesh.creation.icosphere(5)
     names = [f"{number}.stl" for number in range(9)]
@@ -810,44 +564,11 @@ def test_an_interrupted_import_leaves_nothing(number, source, out, tmp_path):
         lambda: process.poll() is None and [*tmp_path.glob(".import*/meshes/0.stl")],
         "the first mesh",
     )
-    process.send_signal(number)
+    process.send_signal(signal.SIGTERM)
     _, told = process.communicate(timeout=DEADLINE)
     assert told.endswith("import_model: interrupted; nothing was written.\n")
     assert process.returncode == 130
     assert [path.name for path in tmp_path.iterdir()] == ["source"]
-
-
-@pytest.fixture
-def signalled(source, out, tmp_path):
-    """Run the command and send it a signal while it imports trimesh.
-
-    Trimesh catches whatever comes out of the libraries it tries; one of them sends
-    the signal here.
-    """
-
-    def signalled(name, **options):
-        source.mkdir()
-        (source / "r.urdf").write_text(robot(""))
-        (tmp_path / "path").mkdir()
-        (tmp_path / "path" / "networkx.py").write_text(
-            f"import os, signal\nos.kill(os.getpid(), signal.{name})\n"
-        )
-        arguments = source / "r.urdf", "--out", out
-        process = command(*arguments, first=tmp_path / "path", **options)
-        process.communicate(timeout=DEADLINE)
-        return process.returncode
-
-    return signalled
-
-
-def test_an_interrupt_while_it_starts_ends_it(signalled, out):
-    assert signalled("SIGINT") == -signal.SIGINT
-    assert not out.exists()
-
-
-def test_a_signal_that_is_ignored_stays_so(signalled, out):
-    assert signalled("SIGHUP", ignored=[signal.SIGHUP]) == 0
-    assert out.exists()
 
 
 @pytest.fixture(scope="module")
@@ -869,23 +590,6 @@ def test_the_vendors_robot_stays_what_it_is(vendor):
     for key, (path, scale) in after.items():
         assert scale == before[key][1]
         assert path.read_bytes()[80:] == before[key][0].read_bytes()[80:]
-
-
-def test_the_vendors_meshes_are_36_and_none_begins_with_solid(vendor):
-    meshes = list((vendor / "meshes").iterdir())
-    assert len(meshes) == 36
-    assert not [path for path in meshes if path.read_bytes()[:5].lower() == b"solid"]
-
-
-@pytest.mark.skipif(not shutil.which("check_urdf"), reason="check_urdf is not there")
-def test_check_urdf_takes_the_vendors_robot(vendor):
-    check = subprocess.run(
-        ["check_urdf", str(vendor / "urdf" / "g1_29dof.urdf")],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert "Successfully Parsed" in check.stdout
 
 
 def checked(urdf):
@@ -931,28 +635,25 @@ KEPT = {"left_ankle_pitch_link", "left_ankle_roll_link"}
 """Links of the simpler robot: a hull, spheres, and few triangles to look at."""
 
 
-def vendors(kept):
-    """Write the vendor's robot, or only some of its links."""
+def vendors():
+    """Write some links of the vendor's robot."""
     root = ElementTree.fromstring(with_absolute_uris(VENDOR.read_text(), VENDOR.parent))
     for element in list(root):
         names = [element.get("name")]
         if element.tag == "joint":
             names = [element.find(end).get("link") for end in ("parent", "child")]
-        if kept and not kept.issuperset(names):
+        if not KEPT.issuperset(names):
             root.remove(element)
     return ElementTree.tostring(root, encoding="unicode")
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("kept", "options"), [(None, []), (KEPT, SIMPLER)])
-def test_the_vendors_robot_loads_with_all_its_shapes(
-    make_world, tmp_path, kept, options
-):
+def test_the_vendors_robot_loads_with_all_its_shapes(make_world, tmp_path):
     if not VENDOR.exists():
         pytest.skip("the vendor's g1_29dof.urdf is not beside the repository")
     out, given = tmp_path / "out", tmp_path / "g1_29dof.urdf"
-    given.write_text(vendors(kept))
-    run([str(given), "--out", str(out), *options])
+    given.write_text(vendors())
+    run([str(given), "--out", str(out), *SIMPLER])
     model = read_model(str(out / "urdf" / "g1_29dof.urdf"))
     text = with_absolute_uris(model.text, model.path.parent)
     world = make_world("hold")
