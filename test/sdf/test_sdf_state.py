@@ -57,13 +57,8 @@ def saved(turn, slide):
     return text, places
 
 
-@pytest.mark.parametrize(
-    ("turn", "slide"),
-    [
-        (1.25, -0.3),
-    ],
-)
-def test_all_is_where_it_was_when_the_world_was_saved(make_world, turn, slide):
+def test_all_is_where_it_was_when_the_world_was_saved(make_world):
+    turn, slide = 1.25, -0.3
     text, places = saved(turn, slide)
     content = world(text)
     assert content.left_out == ()

@@ -170,13 +170,7 @@ def test_a_motion_of_joints_moves_the_base_with_the_right_twist(world, model):
     assert not model.twists.any()
 
 
-@pytest.mark.parametrize(
-    "end",
-    [
-        "command",
-        "none",
-    ],
-)
+@pytest.mark.parametrize("end", ["command", "none"])
 def test_no_twist_is_left_when_the_joints_stop(world, model, end):
     world.anchors.set(model, LEFT)
     world.motions.play(model, motion([0.0, 1.0], legs(0.0), legs(1.0)), 0)
@@ -420,13 +414,8 @@ def test_a_link_of_a_free_part_holds_that_part(world):
     assert np.abs(after["b"] - before["b"]).max() > 0.1
 
 
-@pytest.mark.parametrize(
-    "physics",
-    [
-        "hold",
-    ],
-)
-def test_where_physics_moves_the_base_it_is_refused(make_world, physics):
+def test_where_physics_moves_the_base_it_is_refused(make_world):
+    physics = "hold"
     world = make_world(physics)
     world.spawn_urdf("g1", OUR_G1, UPRIGHT)
     model = world.model("g1")

@@ -86,10 +86,7 @@ def spawn(world, text):
 
 @pytest.mark.parametrize(
     "moments",
-    [
-        {"ixx": 0.01, "iyy": 0.01, "izz": 0.01, "ixy": 0.02},
-        {},
-    ],
+    [{"ixx": 0.01, "iyy": 0.01, "izz": 0.01, "ixy": 0.02}, {}],
     ids=["negative", "zero"],
 )
 def test_what_has_an_inertia_that_is_not_positive_falls_as_in_gazebo(

@@ -100,15 +100,6 @@ def test_a_look_for_contacts_leaves_the_efforts(make_world):
 
 
 @pytest.mark.both_engines
-def test_a_damper_at_its_limit_pushes_without_damping(make_world):
-    world, model = arm(make_world, PdMotor())
-    world.drive(model, ["elbow"], command(velocity=100.0, damping=60.0))
-    world.run(0.05)
-    assert world.engine.efforts(model)[0] == 30.0
-    assert model.velocity[0] == pytest.approx(0.05 * 30.0 / INERTIA, rel=1e-6)
-
-
-@pytest.mark.both_engines
 def test_a_damper_too_strong_for_the_step_stops_the_joint(make_world, engine):
     """Per step v' = v / (1 + d h / I), from more than the limit; 150 of 30 N m."""
     if engine == "bullet":
@@ -137,15 +128,6 @@ def test_the_joint_keeps_its_friction_and_damping(make_world):
     world.drive(model, ["elbow"], command(effort=5.5))
     world.run(3.0)
     assert model.velocity[0] == pytest.approx((5.5 - 1.5) / 2.0, rel=0.01)
-
-
-@pytest.mark.both_engines
-def test_a_joint_whose_limits_are_equal_stays_there(make_world):
-    world = make_world("limp")
-    text = ARM.format(**FREE).replace('lower="-3" upper="3"', 'lower="0" upper="0"')
-    assert world.spawn_urdf("arm", text, UP) == ()
-    world.run(1.0)
-    assert abs(world.model("arm").position[0]) < 2e-3
 
 
 def test_in_kinematic_a_controller_is_refused(make_world):
@@ -228,14 +210,6 @@ def test_with_a_wrong_file_of_motors_nothing_is_spawned(make_world, file):
     assert world.engine.effort_limits(world.model("arm"))[0] == 5.0
 
 
-def test_motors_of_a_name_are_not_replaced_where_their_file_is_wrong(make_world, file):
-    world = make_world("hold", NOWHERE, motors="weak")
-    usual = file("elbow: {effort: 5}", "motors.yaml")
-    file("elbow: {torque: 5}", "motors_weak.yaml")
-    with pytest.raises(MotorFileError, match="unknown key torque"):
-        world.spawn("arm", arm_with(usual), UP)
-
-
 def test_a_reset_keeps_the_motors_whatever_has_become_of_their_file(make_world, file):
     world = make_world("hold", NOWHERE)
     motors = file("elbow: {effort: 5}", "motors.yaml")
@@ -262,15 +236,6 @@ def test_gains_however_large_leave_the_robot_in_one_piece(make_world, engine):
     assert np.abs(model.velocity).max() < 10.0
     assert abs(model.pose[2] - 0.793) < 0.1
     assert world.engine.take_failure() == ""
-
-
-@pytest.mark.both_engines
-def test_a_reset_of_models_leaves_no_position_that_is_no_number(make_world):
-    world, model = arm(make_world, ServoMotor())
-    model.position[0] = np.nan
-    world.reset_models()
-    assert np.isfinite(model.position).all()
-    assert np.isfinite(model.poses).all()
 
 
 @pytest.mark.parametrize("is_given", [True, False])

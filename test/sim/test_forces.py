@@ -58,13 +58,7 @@ def test_a_wrench_acts_at_the_center_of_mass_along_the_worlds_axes(pose, force, 
     world.close()
 
 
-@pytest.mark.parametrize(
-    ("start", "end", "steps"),
-    [
-        (5, 15, 10),
-        (25, None, 5),
-    ],
-)
+@pytest.mark.parametrize(("start", "end", "steps"), [(5, 15, 10), (25, None, 5)])
 def test_a_wrench_acts_for_its_span_to_the_step(make_world, start, end, steps):
     world = make_world("limp", gravity=NOWHERE)
     world.spawn_urdf("body", BODY, np.array([0, 0, 1.0, 0, 0, 0, 1]))
@@ -120,26 +114,18 @@ def test_forces_end_with_their_model_and_with_a_reset(make_world):
 
 
 @pytest.mark.both_engines
-@pytest.mark.parametrize(
-    ("stop", "side"),
-    [
-        ("hiStop", 1.0),
-    ],
-)
-def test_one_stop_of_a_continuous_joint_leaves_the_other_side_free(
-    make_world, stop, side
-):
+def test_one_stop_of_a_continuous_joint_leaves_the_other_side_free(make_world):
     world = make_world("limp", gravity=NOWHERE)
     endless = PENDULUM.replace('"revolute"', '"continuous"')
     world.spawn_urdf("pendulum", endless, np.array([0, 0, 0, 0, 0, 0, 1.0]))
     joint = world.entities.joint("swing")
-    world.set_joint_properties(joint, {stop: 0.1 * side})
-    apply_effort(world, "swing", side, 10_000)
+    world.set_joint_properties(joint, {"hiStop": 0.1})
+    apply_effort(world, "swing", 1.0, 10_000)
     world.run(1.0)
-    assert world.model("pendulum").position[0] * side == pytest.approx(0.1, abs=0.01)
-    apply_effort(world, "swing", -2.0 * side, 10_000)
+    assert world.model("pendulum").position[0] == pytest.approx(0.1, abs=0.01)
+    apply_effort(world, "swing", -2.0, 10_000)
     world.run(1.0)
-    assert world.model("pendulum").position[0] * side < -1.0
+    assert world.model("pendulum").position[0] < -1.0
 
 
 def test_forces_that_cannot_act_any_more_are_forgotten(make_world):
@@ -163,13 +149,7 @@ def test_forces_that_cannot_act_any_more_are_forgotten(make_world):
 
 
 @pytest.mark.both_engines
-@pytest.mark.parametrize(
-    "damping",
-    [
-        0.5,
-        1e9,
-    ],
-)
+@pytest.mark.parametrize("damping", [0.5, 1e9])
 def test_damping_slows_down_however_strong_it_is(make_world, damping):
     """A link of 0.26 kg m^2: at most as fast as effort and damping balance."""
     world = make_world("limp", gravity=NOWHERE)

@@ -85,13 +85,7 @@ def test_what_is_flat_or_small_is_left_alone():
         assert few is points and deviation == 0.0
 
 
-@pytest.mark.parametrize(
-    ("size", "tolerance"),
-    [
-        (0.3, 0.0),
-        (4e4, 1e-3),
-    ],
-)
+@pytest.mark.parametrize(("size", "tolerance"), [(0.3, 0.0), (4e4, 1e-3)])
 def test_any_size_and_no_tolerance(size, tolerance):
     points = blob(3, 2000, (size, 0.7 * size, 0.4 * size)).astype(np.float32)
     few, deviation = thinned(points, tolerance)
@@ -100,13 +94,8 @@ def test_any_size_and_no_tolerance(size, tolerance):
     assert lost <= ConvexHull(points).area * tolerance + 1e-9
 
 
-@pytest.mark.parametrize(
-    "radius",
-    [
-        2.0,
-    ],
-)
-def test_a_ball_keeps_its_volume(radius):
+def test_a_ball_keeps_its_volume():
+    radius = 2.0
     number = np.arange(1000) + 0.5
     z, turn = 1.0 - number / 500.0, np.pi * (1.0 + 5.0**0.5) * number
     across = np.sqrt(1.0 - z**2)

@@ -70,14 +70,8 @@ def test_at_the_start_no_mass_is_told_where_the_file_gives_none():
     assert figures(none, "kinematic") == "2 joints, 3 links, kinematic, no profile"
 
 
-@pytest.mark.parametrize(
-    "physics",
-    [
-        "limp",
-    ],
-)
-def test_where_things_move_they_vanish_as_in_gazebo(make_world, physics):
-    world = make_world(physics)
+def test_where_things_move_they_vanish_as_in_gazebo(make_world):
+    world = make_world("limp")
     world.spawn_urdf("m", arm(root=MASS, tip=MASS), HIGH)
     assert world.model("m").link_names == ("root",)
     world.spawn_urdf("none", arm(), HIGH)
@@ -114,13 +108,7 @@ def test_a_pose_that_is_asked_for_wins(make_world):
     np.testing.assert_array_equal(world.model("m").position, [-1.0, -0.5])
 
 
-@pytest.mark.parametrize(
-    "physics",
-    [
-        "limp",
-    ],
-)
-def test_where_things_move_joints_begin_at_zero_as_in_gazebo(make_world, physics):
-    world = make_world(physics)
+def test_where_things_move_joints_begin_at_zero_as_in_gazebo(make_world):
+    world = make_world("limp")
     assert world.spawn_urdf("m", CALF, HIGH) == ()
     np.testing.assert_array_equal(world.model("m").position, [0.0, 0.0])

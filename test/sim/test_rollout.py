@@ -17,7 +17,6 @@ from g1_description import Robot
 from g1_description.errors import InvalidValueError, UnknownNameError
 from g1_description.files.uris import with_absolute_uris
 from g1_description.motion.motion import Motion
-from g1_description.motion.motors import Motors, ServoMotor
 from g1_description.motion.tracking import FallLimits
 from g1_description.robot.lumping import lump_fixed_joints
 from g1_description.robot.urdf import parse_urdf
@@ -316,14 +315,6 @@ def test_what_begins_before_zero_is_refused():
         rollout(CRANE, early)
 
 
-def test_weak_motors_are_those_that_are_given():
-    weak = Conditions(Motors({LIFT: ServoMotor(effort=5.0)}))
-    result = rollout(CRANE, motion([0.0, 0.0], [LIFT]), weak)
-    np.testing.assert_array_equal(result.effort_limits, [EFFORT, 5.0])
-    assert result.report.limit_shares[1] == 1.0
-    assert result.report.first_limit_times[1] == pytest.approx(1e-3)
-
-
 def test_a_joint_without_a_limit_has_none():
     free = '<joint name="free_joint" type="continuous"><parent link="turret"/>'
     free += '<child link="wheel"/><axis xyz="0 0 1"/></joint>'
@@ -343,13 +334,6 @@ def test_rows_are_as_many_as_wanted_and_never_more(monkeypatch):
     few = rollout(CRANE, still, EVERY_STEP)
     assert 5 <= len(few.times) == len(few.efforts) <= 10
     np.testing.assert_array_equal(few.report.rms_errors, result.report.rms_errors)
-
-
-def test_progress_rises_to_the_end():
-    shares = []
-    rollout(CRANE, motion([0.0, 0.1], [TURN], 0.1), on_progress=shares.append)
-    assert shares == sorted(shares)
-    assert shares[-1] == 1.0
 
 
 def refusal_of_mujoco(monkeypatch):

@@ -179,24 +179,6 @@ def test_limbs_point_where_the_names_of_poses_say(g1, side, sign):
     assert shank[2] < -np.cos(level)
 
 
-def test_one_hand_waves(g1):
-    hand, head, other = (
-        forward_kinematics(g1, ORIGIN, POSES["wave"].positions)[name][2]
-        for name in ("right_wrist_yaw_link", "head_link", "left_wrist_yaw_link")
-    )
-    assert hand > head + 0.4
-    assert other < hand - 0.4
-
-
-def test_a_squat_is_deep(g1):
-    depth = [
-        standing_height(in_pose(g1, POSES[name].positions), UPRIGHT)
-        for name in ("zero", "stand", "squat")
-    ]
-    assert depth[0] > depth[1] > depth[0] - 0.05
-    assert depth[2] < 0.5 * depth[0]
-
-
 @pytest.mark.slow
 def test_a_standing_robot_stands_in_hold_and_again_after_a_reset(
     make_world, vendors_g1
@@ -331,15 +313,6 @@ def test_boxes_and_round_shapes_are_where_scipy_puts_them():
         pose = np.concatenate([place, base.as_quat()])
         found = lowest_height(robot, still(pose, ["j"], [angle]))
         assert found == pytest.approx(wanted, abs=1e-12)
-
-
-def test_the_lowest_of_all_samples_counts():
-    robot = parse_urdf(SHAPES)
-    poses = np.tile([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0], (3, 1))
-    poses[1, 2] = -2.0
-    trajectory = Motion(np.arange(3.0), (), np.zeros((3, 0)), base_poses=poses)
-    lowest = lowest_height(robot, trajectory)
-    assert lowest == lowest_height(robot, still(poses[1], (), ()))
 
 
 def test_the_g1_touches_where_pybullet_sees_it_touch(make_world, g1):

@@ -133,14 +133,6 @@ def test_the_jump_to_a_motion_is_not_its_largest_error(hanging):
     assert tracked.report.limit_shares[0] > 0.0
 
 
-def test_no_motor_is_stronger_than_the_robots_file_says(make_world, vendors_g1):
-    world = make_world("hold", motors=Motors({".*": ServoMotor(effort=1000.0)}))
-    model = spawned(world, vendors_g1, fixed=True)
-    joints = model.assembly.description.movable_joints
-    wanted = [joint.effort for joint in joints]
-    np.testing.assert_array_equal(world.engine.effort_limits(model), wanted)
-
-
 KNEE_ONLY = """
 <robot name="{name}">
   <link name="world"/>
@@ -239,11 +231,3 @@ def test_a_motion_that_ends_early_is_told_as_far_as_it_went(hanging, how):
     told = [round(one.report.duration, 2) for one in world.motions.take_tracked()]
     wanted = {"replaced": [0.2, 0.1], "stopped": [0.2], "limbs": [0.1, 0.5]}
     assert told == pytest.approx(wanted.get(how, []), abs=0.01)
-
-
-def test_a_single_configuration_is_not_told(hanging):
-    world, model = hanging
-    single = Motion(np.zeros(1), (ELBOW,), np.array([[0.1]]))
-    world.motions.play(model, single, world.time_ns)
-    world.run(0.1 + WATCH)
-    assert world.motions.take_tracked() == []
