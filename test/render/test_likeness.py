@@ -35,9 +35,7 @@ def scenes():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("view", "positions"),
-    [((0, 0), {}), ((90, 0), {}), ((40, 20), BENT), ((-50, -20), {})],
-    ids=["front", "side", "bent", "below"],
+    ("view", "positions"), [((90, 0), {}), ((40, 20), BENT)], ids=["side", "bent"]
 )
 def test_silhouettes_cover_each_other(scenes, view, positions):
     camera = Camera(np.array([0.0, 0.0, -0.13]), *np.radians(view), 1.7)

@@ -1,6 +1,7 @@
 """The page in three dimensions in a real browser, opened from disk."""
 
 import sys
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -47,13 +48,13 @@ def faulty(robot):
     return motion, robot.check(motion)
 
 
-@pytest.fixture
-def opened(chromium, tmp_path):
+@contextmanager
+def opening(chromium, folder):
     """Give what opens a page; in the end it had no errors and made no request."""
     pages, requests = [], []
 
     def open_page(text, phone=False, name="page.html"):
-        file = tmp_path / name
+        file = folder / name
         file.write_bytes(text.encode("utf-8", "backslashreplace"))
         page = chromium.open("about:blank", WINDOW, phone=phone)
         pages.append(page)
@@ -69,6 +70,19 @@ def opened(chromium, tmp_path):
         page.close()
     assert len(requests) == len(pages)
     assert all(url.startswith("file://") for url in requests)
+
+
+@pytest.fixture
+def opened(chromium, tmp_path):
+    with opening(chromium, tmp_path) as open_page:
+        yield open_page
+
+
+@pytest.fixture(scope="module")
+def page(chromium, robot, faulty, tmp_path_factory):
+    """Open the page of the motion with findings."""
+    with opening(chromium, tmp_path_factory.mktemp("page")) as open_page:
+        yield open_page(motion_page(robot.description, *faulty, "faulty.csv"))
 
 
 DRAWN = "Boolean(viewer.motion && viewer.scene.matrices)"
@@ -108,17 +122,15 @@ def compare_poses(page, description, motion, time):
     assert np.abs(drawn - as_matrices(poses)).max() < 1e-4
 
 
-def test_links_are_drawn_where_they_are(opened, robot, faulty):
-    motion, verdict = faulty
-    page = opened(motion_page(robot.description, motion, verdict))
+def test_links_are_drawn_where_they_are(page, robot, faulty):
+    motion, _ = faulty
     for time in (0.0, 0.81, 1.7, 2.8, 5.0833, 8.0):
         compare_poses(page, robot.description, motion, time)
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_joints_of_all_kinds_move_and_turn_between_samples(opened, seed):
+def test_joints_of_all_kinds_move_and_turn_between_samples(opened):
     """With velocities, and axes that are not at the origins of links, as in SDF."""
-    random = np.random.default_rng(seed)
+    random = np.random.default_rng(0)
     tree = read_description(str(ROOT / "test" / "data" / "tree.urdf"))
     moved = [replace(j, joint_origin=random.normal(size=3)) for j in tree.joints]
     tree = replace(tree, joints=tuple(moved))
@@ -133,9 +145,8 @@ def test_joints_of_all_kinds_move_and_turn_between_samples(opened, seed):
         compare_poses(page, tree, motion, float(time))
 
 
-def test_findings_jump_to_their_worst_time_and_are_marked(opened, robot, faulty):
-    motion, verdict = faulty
-    page = opened(motion_page(robot.description, motion, verdict, "faulty.csv"))
+def test_findings_jump_to_their_worst_time_and_are_marked(page, faulty):
+    _, verdict = faulty
     buttons = page.raw.locator(".findings button")
     assert buttons.count() == len(verdict.causes)
     reds = 0
@@ -166,8 +177,7 @@ def red_pixels(page):
     return int((pixels[..., 0] - pixels[..., 1:].max(axis=-1) > 90).sum())
 
 
-def test_a_drag_in_the_plot_moves_the_time_and_it_plays(opened, robot, faulty):
-    page = opened(motion_page(robot.description, *faulty))
+def test_a_drag_in_the_plot_moves_the_time_and_it_plays(page):
     box = page.raw.locator("#chart canvas").bounding_box()
     left, right = box["x"] + 58, box["x"] + box["width"] - 12
     y, middle = box["y"] + 0.8 * box["height"], (left + right) / 2
@@ -186,9 +196,8 @@ def test_a_drag_in_the_plot_moves_the_time_and_it_plays(opened, robot, faulty):
     assert shown_time(page) == pytest.approx(1.02)
 
 
-def test_the_plot_is_that_of_the_chosen_joint(opened, robot, faulty):
-    motion, verdict = faulty
-    page = opened(motion_page(robot.description, motion, verdict))
+def test_the_plot_is_that_of_the_chosen_joint(page, faulty):
+    motion, _ = faulty
     column = motion.joint_names.index("left_elbow_joint")
     page.raw.locator("#what").select_option(f"position:{column}")
     drawn = np.array(page.raw.evaluate("[...viewer.chart.values]"))

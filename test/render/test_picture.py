@@ -50,10 +50,10 @@ def scene():
 
 
 @pytest.fixture(scope="module")
-def g1_scene(vendors_g1):
+def g1_scene():
     """Give a scene of a G1, which tests place before they look at it."""
     with Scene() as made:
-        made.add(parse_urdf(vendors_g1))
+        made.add(parse_urdf(OURS.read_text()))
         yield made
 
 
@@ -146,7 +146,7 @@ def test_up_is_up_and_views_are_not_mirrored(scene, name, place, right):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("angles", VIEWS.values())
+@pytest.mark.parametrize("angles", [VIEWS["side"], VIEWS["iso"]])
 def test_the_robot_fills_the_picture_but_for_a_margin(g1_scene, angles):
     width, height = (480, 360) if angles[1] else (200, 400)
     g1_scene.place(0, STANDING, {"left_shoulder_roll_joint": 1.0})
@@ -160,13 +160,12 @@ def test_the_robot_fills_the_picture_but_for_a_margin(g1_scene, angles):
     assert min(margins[0].max(), margins[1].max()) < 0.2
 
 
-@pytest.mark.parametrize("name", ["front", "iso"])
-def test_our_g1_is_whole_and_has_a_dark_head(scene, name):
+def test_our_g1_is_whole_and_has_a_dark_head(scene):
     """Where its meshes are is told by trimesh and scipy."""
     text = OURS.read_text()
     scene.add(parse_urdf(text))
     scene.place(0, STANDING, {})
-    camera = framing(scene.corners(), *VIEWS[name], 3 / 4)
+    camera = framing(scene.corners(), *VIEWS["iso"], 3 / 4)
     points = corners_of_meshes(text)
     seen = camera.seen(np.concatenate([*points.values()]))
     assert (np.abs(seen) < [0.5, 0.5 * 4 / 3]).all()
