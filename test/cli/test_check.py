@@ -293,7 +293,7 @@ def test_what_cannot_be_written_leaves_the_rest(folder, capsys):
 def test_ctrl_c_writes_what_is_done(folder, monkeypatch):
     """It comes to the whole group with the first outcome, as from a terminal."""
     write_motions(folder, *20 * [PASSES])
-    words = [".", "--jobs", str(2), "--model", "post.urdf"]
+    words = [".", "--jobs", "2", "--model", "post.urdf"]
 
     class Interrupted(check.Results):
         def add(self, task, outcome):
