@@ -61,7 +61,7 @@ FIRST = (
         "rostest/web",
         "rostest/doctor",
     ),
-    *("web", "install", "repository", "rostest/bridge_commands"),
+    *("web", "install", "repository", "rostest/bridge", "rostest/nodes"),
 )
 """Parts that begin first, as the end would wait for them."""
 NOT_THE_USERS = (

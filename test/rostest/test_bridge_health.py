@@ -45,6 +45,8 @@ class TestBridgeHealth(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         rospy.set_param("/robot_description", URDF)
+        rospy.set_param("/use_sim_time", True)
+        cls.addClassCleanup(rospy.set_param, "/use_sim_time", False)
         cls.addClassCleanup(run_clock(period=0.02).close)
         cls.space = "/health"
         cls.simulator = Simulator(f"{cls.space}/gazebo/set_model_configuration")

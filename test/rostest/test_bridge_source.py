@@ -21,6 +21,8 @@ class TestBridgeSource(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         rospy.set_param("/robot_description", URDF)
+        rospy.set_param("/use_sim_time", True)
+        cls.addClassCleanup(rospy.set_param, "/use_sim_time", False)
         cls.clock = rospy.Publisher("/clock", Clock, queue_size=100)
         cls.time = rospy.Duration(100.0)
 

@@ -34,6 +34,7 @@ from geometry_msgs.msg import Point, Pose, Quaternion
 from rosgraph_msgs.msg import Clock, Log
 from scipy.spatial.transform import Rotation
 from std_srvs.srv import Empty, EmptyResponse
+from support.programs import run
 from support.golden.simulator import Simulator
 from support.ros_testing import (
     DEADLINE,
@@ -160,13 +161,7 @@ def test_a_world_file_that_is_none_is_named():
 
 
 def test_a_wish_that_cannot_be_ends_the_node_with_its_name():
-    command = [program("gazebo_stand_in.py"), "__ns:=/third"]
-    done = subprocess.run(
-        [*command, "_initial/gravity_z:=down"],
-        stderr=subprocess.PIPE,
-        text=True,
-        timeout=DEADLINE,
-    )
+    done = run("gazebo_stand_in.py", "__ns:=/third", "_initial/gravity_z:=down")
     assert done.returncode == 1
     words = "~initial/gravity_z must be a float like -9.8 (got 'down')."
     assert words in done.stderr

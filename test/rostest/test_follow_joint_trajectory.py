@@ -1,7 +1,6 @@
 """Goals of follow_joint_trajectory, sent by actionlib's ordinary client."""
 
 import math
-import subprocess
 import unittest
 
 import numpy as np
@@ -9,9 +8,10 @@ import rospy
 from control_msgs.msg import FollowJointTrajectoryResult as Result
 from geometry_msgs.msg import Point, Pose, Quaternion
 from sensor_msgs.msg import JointState
+from support.programs import Program, run
 from support.goals import Client, Joints, Snapshot, goal_of, tolerance
 from support.joint_limits import limits
-from support.ros_testing import DEADLINE, NodeLog, program, wait_for
+from support.ros_testing import NodeLog, wait_for
 from support.stand_in import Node
 from trajectory_msgs.msg import JointTrajectory
 
@@ -22,6 +22,28 @@ ELBOW, KNEE, SHOULDER = (
 )
 RIGHT = "right_elbow_joint"
 HOME = dict.fromkeys((ELBOW, KNEE, SHOULDER, RIGHT), 0.25)
+WORLD = (
+    *("_model_name:=one", "_on_floor:=true", "_link_states_rate:=100"),
+    "_pub_clock_frequency:=100",
+)
+ROBOTS = [
+    {"name": "one", "namespace": ""},
+    {
+        "name": "two",
+        "controllers": [
+            {
+                "name": "left_arm",
+                "joints": [SHOULDER, ELBOW],
+                "constraints": {
+                    "goal_time": 0.2,
+                    ELBOW: {"trajectory": 0.1, "goal": 0.05},
+                },
+            },
+            {"name": "right/arm", "joints": [RIGHT]},
+        ],
+    },
+]
+"""The first has one controller for all joints, the second has two."""
 ROUNDED = 1e-3
 """[rad] So far a motion may go beyond a limit."""
 
@@ -35,17 +57,23 @@ class TestFollowJointTrajectory(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         cls.begin_world()
-        cls.addClassCleanup(lambda: cls.world.kill())
+        cls.addClassCleanup(lambda: cls.world.close())
+        rospy.set_param("/bridge/robots", ROBOTS)
+        bridge = Program("link_states_bridge.py", "__name:=bridge")
+        cls.addClassCleanup(bridge.wait)
+        cls.addClassCleanup(bridge.terminate)
         cls.log = NodeLog("/bridge")
+        cls.addClassCleanup(cls.log.close)
         cls.client = Client("/follow_joint_trajectory")
         cls.second = Client("/follow_joint_trajectory")
         cls.joints = Joints()
+        cls.addClassCleanup(cls.joints.close)
         cls.lower, cls.upper = limits()[1]
         cls.names = limits()[0]
 
     @classmethod
     def begin_world(cls):
-        cls.world = Node()
+        cls.world = Node(*WORLD)
         cls.spawn_other()
 
     @classmethod
@@ -384,13 +412,8 @@ class TestFollowJointTrajectory(unittest.TestCase):
         ):
             with self.subTest(value):
                 arguments = f"_controllers:={value}", "_model_name:=one"
-                found = subprocess.run(
-                    [program("link_states_bridge.py"), "__name:=odd", *arguments],
-                    stdout=subprocess.PIPE,
-                    stderr=subprocess.STDOUT,
-                    text=True,
-                    timeout=DEADLINE,
-                )
-                self.assertEqual(found.returncode, 1, found.stdout)
-                self.assertIn(words, found.stdout)
-                self.assertNotIn("Traceback", found.stdout)
+                found = run("link_states_bridge.py", "__name:=odd", *arguments)
+                text = found.stdout + found.stderr
+                self.assertEqual(found.returncode, 1, text)
+                self.assertIn(words, text)
+                self.assertNotIn("Traceback", text)

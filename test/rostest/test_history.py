@@ -2,7 +2,6 @@
 
 import os
 import signal
-import subprocess
 import tempfile
 import unittest
 from contextlib import closing, suppress
@@ -17,11 +16,10 @@ from genpy import Time
 from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
+from support.programs import Program, run
 from support.ros_testing import (
-    DEADLINE,
     Connected,
     position_of,
-    program,
     service,
     step_by,
     wait_for,
@@ -51,6 +49,7 @@ class TestHistory(unittest.TestCase):
     def setUpClass(cls):
         step_by(0.005)
         cls.states = Connected("/robot_state", RobotStateMessage, queue_size=None)
+        cls.addClassCleanup(cls.states.close)
         cls.get = service("/get_history", GetHistory)
         cls.save = service("/save_history", SaveHistory)
         cls.publishers = {
@@ -182,10 +181,12 @@ class TestHistory(unittest.TestCase):
 
     def test_it_keeps_what_was_before_a_reset(self):
         before = self.bend(0.6)
-        run = self.get(last=1.0).run
+        number = self.get(last=1.0).run
         service("/gazebo/reset_simulation", Empty)()
-        wait_for(lambda: self.get(last=1.0).run == run + 1, "another run")
-        answer = self.get(run=run, begin=before.header.stamp, end=before.header.stamp)
+        wait_for(lambda: self.get(last=1.0).run == number + 1, "another run")
+        answer = self.get(
+            run=number, begin=before.header.stamp, end=before.header.stamp
+        )
         (state,) = stretch_from_answer(answer).states()
         self.assertAlmostEqual(state.positions_by_name[ELBOW], 0.6, 9)
         self.assertLess(self.get(last=1.0).last, before.header.stamp)
@@ -194,10 +195,9 @@ class TestHistory(unittest.TestCase):
         self.bend(0.3)
         self.bend(0.9)
         path = self.folder / "last.csv"
-        command = [program("record"), path, "--last", str(LONG), "--rate", "0"]
-        run = subprocess.run(command, capture_output=True, text=True, timeout=DEADLINE)
-        self.assertEqual(run.returncode, 0, run.stderr)
-        self.assertIn("the history of the bridge has only ", run.stderr)
+        done = run("record", path, "--last", LONG, "--rate", 0)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertIn("the history of the bridge has only ", done.stderr)
         motion = read_motion(path, self.robot)
         with Client() as client:
             same = client.history(LONG)
@@ -239,17 +239,14 @@ class TestHistory(unittest.TestCase):
         terminal, inside = os.openpty()
         self.addCleanup(os.close, terminal)
         path = self.folder / "entered.csv"
-        command = [program("record"), path, "--last", "1", "--rate", "0"]
-        with subprocess.Popen(
-            command, stdin=inside, stdout=subprocess.PIPE, text=True
-        ) as process:
-            os.close(inside)
-            process.send_signal(signal.SIGSTOP)  # a machine that is busy for long
-            for angle in (0.75, 0.5, 0.8):
-                later = self.bend(angle)
-            process.send_signal(signal.SIGCONT)
-            output, _ = process.communicate(timeout=DEADLINE)
-        self.assertEqual(process.returncode, 0)
+        process = Program(*("record", path, "--last", 1, "--rate", 0), terminal=inside)
+        os.close(inside)
+        process.send_signal(signal.SIGSTOP)  # a machine that is busy for long
+        for angle in (0.75, 0.5, 0.8):
+            later = self.bend(angle)
+        process.send_signal(signal.SIGCONT)
+        self.assertEqual(process.wait(), 0)
+        output = os.read(terminal, 65536).decode()
         motion = read_motion(path, self.robot)
         elbow = motion.positions[:, motion.joint_names.index(ELBOW)]
         self.assertAlmostEqual(elbow[-1], 0.25, 9)
@@ -259,9 +256,8 @@ class TestHistory(unittest.TestCase):
 
     def bridge(self, namespace, *arguments):
         """Start another bridge, and wait for it."""
-        command = [program("link_states_bridge.py"), f"__ns:={namespace}", *arguments]
-        process = subprocess.Popen(command)
-        self.addCleanup(process.wait, DEADLINE)
+        process = Program("link_states_bridge.py", f"__ns:={namespace}", *arguments)
+        self.addCleanup(process.wait)
         self.addCleanup(process.terminate)
         service(f"{namespace}/get_history", GetHistory)
         return process
@@ -280,7 +276,7 @@ class TestHistory(unittest.TestCase):
             self.assertEqual((part.first_run, part.last_run), (1, 1))
             self.assertEqual(client.at(part.last).stretch.stamps[-1], part.last)
             process.terminate()
-            process.wait(DEADLINE)
+            process.wait()
         with self.assertRaisesRegex(NoAnswerError, "is a bridge running"):
             client.part()
 
@@ -289,10 +285,7 @@ class TestHistory(unittest.TestCase):
             if namespace == "off":
                 self.bridge("/off", "_history:=0")
             path = self.folder / "none.csv"
-            command = [program("record"), path, "--last", "1", "--namespace", namespace]
-            run = subprocess.run(
-                command, capture_output=True, text=True, timeout=DEADLINE
-            )
-            self.assertEqual(run.returncode, 1)
-            self.assertIn(words, run.stderr)
+            done = run("record", path, "--last", 1, "--namespace", namespace)
+            self.assertEqual(done.returncode, 1)
+            self.assertIn(words, done.stderr)
             self.assertFalse(path.exists())

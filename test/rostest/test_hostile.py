@@ -5,6 +5,7 @@ import struct
 import unittest
 
 import rospy
+from g1_description.msg import ModelTrajectory
 from gazebo_msgs.msg import LinkState, ModelState
 from support.ros_testing import DEADLINE, wait_for
 from support.stand_in import Node
@@ -36,8 +37,8 @@ DOCUMENTS = {
 class TestHostile(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.node = Node()
-        cls.addClassCleanup(cls.node.kill)
+        cls.node = Node("_physics:=limp", "_z:=0.793")
+        cls.addClassCleanup(cls.node.close)
         cls.services = cls.node.services
 
     def tearDown(self):
@@ -48,6 +49,15 @@ class TestHostile(unittest.TestCase):
         """Call the simulator as a new client; return the names of models."""
         self.services["get_world_properties"].close()
         return self.services.call("get_world_properties").model_names
+
+    def test_motors_that_are_not_there_play_nothing(self):
+        """A robot without motors, which is not harm but refused as well."""
+        motion = ModelTrajectory(
+            model_name=ROBOT, joint_names=["left_elbow_joint"], times=[0], positions=[0]
+        )
+        answer = self.services.call("set_model_trajectory", motion)
+        words = "nothing drives the joints in limp physics"
+        self.assertEqual((answer.success, answer.status_message), (False, words))
 
     def test_documents_are_refused_and_leave_nothing(self):
         before = self.names()

@@ -68,7 +68,6 @@ class Rviz:
         )
         wait_for(self._feedback.get_num_connections, "the node to listen")
         wait_for(lambda: set(self.markers) == ROLES, "the markers")
-        self.home = {role: self.place(role) for role in ROLES}
 
     def _came(self, message):
         for marker in message.markers:
@@ -185,8 +184,10 @@ def world():
 
 
 @pytest.fixture(scope="module")
-def window():
+def window(world):
     one = Rviz()
+    world.wait_for_markers(one)
+    one.home = {role: one.place(role) for role in ROLES}
     yield one
     one.close()
 

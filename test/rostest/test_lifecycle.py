@@ -5,7 +5,6 @@ Stamps rise through all of it, and nobody who listens to TF complains.
 
 import os
 import signal
-import subprocess
 import time
 import unittest
 
@@ -18,15 +17,14 @@ from gazebo_msgs.srv import GetJointProperties, GetModelState, SetModelState
 from geometry_msgs.msg import Point, Pose, Quaternion, TransformStamped
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
+from support.programs import Program
 from support.ros_testing import (
-    DEADLINE,
     Launch,
     Listener,
     NodeLog,
     Repeated,
     is_at,
     process_of,
-    program,
     step_by,
     wait_for,
 )
@@ -232,22 +230,22 @@ class TestLifecycle(Moving):
         self.check_stamps(jumps=1)
 
     def test_5_a_node_says_that_another_one_took_its_name(self):
-        command = [program("gazebo_stand_in.py"), "__name:=second"]
-        command += ["__ns:=/other", "/clock:=/other/clock"]
-        first = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+        command = "gazebo_stand_in.py", "__name:=second"
+        command += "__ns:=/other", "/clock:=/other/clock"
+        first = Program(*command)
         self.addCleanup(first.kill)
         wait_for(lambda: process_of("/other/second") == first.pid, "the first")
         # What it registered from now on would end the second one instead. It publishes
         # states when it has registered everything.
         states = Listener("/other/second/link_states", LinkStates)
         states.wait()
-        second = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+        second = Program(*command)
         self.addCleanup(second.kill)
-        _, said = first.communicate(timeout=DEADLINE)
+        _, said = first.communicate()
         self.assertIn("another node named /other/second has started", said)
         self.assertNotIn("Traceback", said)
         second.terminate()
-        second.wait(DEADLINE)
+        second.wait()
 
     def test_6_the_bridge_outlives_the_simulator(self):
         self.launch.stop()
@@ -260,6 +258,7 @@ class TestWallTime(Moving):
     def setUpClass(cls):
         super().setUpClass()
         rospy.set_param("/use_sim_time", False)
+        cls.addClassCleanup(rospy.set_param, "/use_sim_time", True)
 
     def test_1_those_who_listen_tell_when_a_stamp_comes_twice(self):
         """Else their silence would tell nothing."""

@@ -77,6 +77,8 @@ class TestMotion(unittest.TestCase):
         cls.states = Connected("/joint_states", JointState, **every)
         cls.tf = Connected("/tf", TFMessage, **every)
         cls.log = NodeLog("/link_states_bridge")
+        for listener in (cls.states, cls.tf, cls.log):
+            cls.addClassCleanup(listener.close)
         cls.publishers = {
             name: rospy.Publisher(f"/{name}", kind, queue_size=100)
             for name, kind in (
@@ -133,7 +135,7 @@ class TestMotion(unittest.TestCase):
     def wait_for_warning(self, text):
         self.log.wait(lambda m: text in m.msg, f"the warning {text!r}")
 
-    def later(self, seconds=5.0):
+    def later(self, seconds=2.0):
         """Give a time that is not over yet, at a whole hundredth of a second."""
         now = self.states.wait().header.stamp.to_nsec()
         ns = (now + round(seconds * SECOND)) // 10_000_000 * 10_000_000
@@ -319,30 +321,13 @@ class TestMotion(unittest.TestCase):
         self.assertEqual(position_of(self.states.wait(), ELBOW), 0.0)
 
     def test_bad_messages_are_told_in_a_sentence_and_move_nothing(self):
-        nan = float("nan")
-        two_bases = whole_body((ELBOW,), [[0.1]], [[0, 0, 1, 0, 0, 0, 1]], 0.0)
-        two_bases.multi_dof_joint_trajectory.joint_names.append("other")
-        apart = whole_body((ELBOW,), [[0.1]], [[0, 0, 1, 0, 0, 0, 1]], 0.0)
-        apart.joint_trajectory.points[0].time_from_start = duration(1.0)
-        bent = whole_body((ELBOW,), [[0.1]], [[0, 0, 1, 0, 0, 0, 2]], 0.0)
+        """Of each topic one; the readers of the messages have all others."""
         lost = whole_body((ELBOW,), [[0.1]], [[0, 0, 1, 0, 0, 0, 1]], 0.0)
         lost.multi_dof_joint_trajectory.header.frame_id = "nowhere"
-        ear = elbow((0.0, 0.1))
-        ear.joint_names = ["left_ear"]
         flat = PoseStamped()
-        flat.pose.position.x = nan
+        flat.pose.position.x = float("nan")
         for topic, message, text in (
-            (
-                "joint_trajectory",
-                elbow((0.0, nan)),
-                "position of sample 1 must be within +-1e+09 (got nan)",
-            ),
             ("joint_trajectory", elbow((0.1, 0.1), (0.1, 0.2)), "must increase"),
-            ("joint_trajectory", elbow((0.0,)), "must have 1 positions (got 0)"),
-            ("joint_trajectory", ear, "unknown joints: left_ear"),
-            ("motion", two_bases, "The base must be a single joint"),
-            ("motion", apart, "must have the same times"),
-            ("motion", bent, "length 1 (got 2)"),
             ("motion", lost, "no transform from frame 'nowhere'"),
             (
                 "base_command",
@@ -400,7 +385,7 @@ class TestMotion(unittest.TestCase):
     def test_who_turns_over_bit_by_bit_is_left_in_peace(self):
         self.addCleanup(self.base_at, UPRIGHT)
         self.base_at(UPRIGHT)
-        for half in np.linspace(0.0, 0.5 * np.pi, 31):
+        for half in np.linspace(0.0, 0.5 * np.pi, 16):
             message = self.base_at(
                 [0.0, 0.0, 0.8, np.sin(half), 0.0, 0.0, np.cos(half)]
             )

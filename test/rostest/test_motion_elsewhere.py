@@ -1,4 +1,7 @@
-"""Motions on a simulator that only takes configurations, as the real Gazebo."""
+"""Motions on a simulator that only takes configurations, as the real Gazebo.
+
+It is the stand-in, whose own service and topic for motions are out of sight.
+"""
 
 import unittest
 
@@ -9,8 +12,10 @@ from g1_description.srv import SetAnchor
 from geometry_msgs.msg import Transform
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
+from support.programs import Program
 from support.goals import Client, goal_of, tolerance
 from support.ros_testing import DEADLINE, Connected, is_at, position_of, wait_for
+from support.stand_in import Node
 from tf2_msgs.msg import TFMessage
 from trajectory_msgs.msg import JointTrajectoryPoint, MultiDOFJointTrajectoryPoint
 
@@ -39,8 +44,16 @@ def motion(*samples):
 class TestMotionElsewhere(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
+        hidden = "/gazebo/set_model_trajectory:=/hidden/set_model_trajectory"
+        cls.world = Node(hidden, "_link_states_rate:=50", "_pub_clock_frequency:=50")
+        cls.addClassCleanup(cls.world.close)
+        bridge = Program("link_states_bridge.py")
+        cls.addClassCleanup(bridge.wait)
+        cls.addClassCleanup(bridge.terminate)
         cls.states = Connected("/joint_states", JointState, queue_size=None)
         cls.tf = Connected("/tf", TFMessage, queue_size=None)
+        for listener in (cls.states, cls.tf):
+            cls.addClassCleanup(listener.close)
         cls.motion = rospy.Publisher("/motion", RobotTrajectory, queue_size=10)
         cls.commands = rospy.Publisher("/joint_commands", JointState, queue_size=10)
         for publisher in (cls.motion, cls.commands):
@@ -75,7 +88,7 @@ class TestMotionElsewhere(unittest.TestCase):
         self.assertEqual((answer.success, answer.status_message), (False, told))
 
     def test_a_motion_is_shown_from_its_beginning_to_its_end(self):
-        self.motion.publish(motion((0.0, 0.1), (4.0, 0.6), (6.0, 0.05)))
+        self.motion.publish(motion((0.0, 0.1), (2.0, 0.6), (3.0, 0.05)))
         self.states.wait(lambda m: is_at(m, ELBOW, 0.05), "the end")
         seen = self.elbow()
         peak = seen.index(max(seen))
@@ -130,7 +143,7 @@ class TestMotionElsewhere(unittest.TestCase):
                 if same and same[-1] != message.position:
                     same.clear()
                 same.append(message.position)
-                return len(same) == 200
+                return len(same) == 50
 
             self.states.clear()
             self.states.wait(rests, "a rest")

@@ -2,7 +2,6 @@
 
 import re
 import signal
-import subprocess
 import tempfile
 import unittest
 from pathlib import Path
@@ -14,8 +13,9 @@ from g1_description.msg import RobotTrajectory
 from g1_description.srv import PlayMotion
 from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import JointState
+from support.programs import Program, run
 from support.joint_limits import limits
-from support.ros_testing import DEADLINE, Connected, is_at, program, run_play, step_by
+from support.ros_testing import Connected, is_at, step_by
 from support.terminal import Terminal
 from tf2_msgs.msg import TFMessage
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -31,6 +31,8 @@ class TestPlay(unittest.TestCase):
         step_by(0.005)
         cls.states = Connected("/joint_states", JointState, queue_size=None)
         cls.tf = Connected("/tf", TFMessage, queue_size=None)
+        for listener in (cls.states, cls.tf):
+            cls.addClassCleanup(listener.close)
         cls.index = limits()[0].index(ELBOW)
         folder = tempfile.TemporaryDirectory()
         cls.addClassCleanup(folder.cleanup)
@@ -68,7 +70,7 @@ class TestPlay(unittest.TestCase):
         return first.position[self.index]
 
     def test_ctrl_c_leaves_the_robot_where_it_is(self):
-        playing = Terminal(program("play"), str(self.file), "--speed", "0.5")
+        playing = Terminal("play", str(self.file), "--speed", "0.5")
         self.states.wait(lambda m: m.velocity[self.index] > 0.0)
         playing.press(CTRL_C)
         self.assertEqual(playing.end(), 130)
@@ -76,17 +78,17 @@ class TestPlay(unittest.TestCase):
         self.assertTrue(0.0 < self.assert_still() < 0.8)
 
     def test_a_terminal_that_is_closed_leaves_it_there_too(self):
-        playing = Terminal(program("play"), str(self.file), "--speed", "0.5")
+        playing = Terminal("play", str(self.file), "--speed", "0.5")
         self.states.wait(lambda m: m.velocity[self.index] > 0.0)
         playing.close()
         self.assertTrue(0.0 < self.assert_still() < 0.8)
 
     def test_it_goes_to_the_beginning_in_its_time_and_plays_a_part_at_a_speed(self):
-        run_play(self.file, "--from", 3.5, "--speed", 8)
+        run("play", self.file, "--from", 3.5, "--speed", 8)
         self.assert_still()  # its last states may still come
         self.states.clear()
         arguments = "--from", 0.5, "--to", 1, "--lead-in", 1, "--speed", 2
-        done = run_play(self.file, *arguments)
+        done = run("play", self.file, *arguments)
         self.assertEqual(done.returncode, 0, done.stdout)
         self.assertEqual(
             done.stdout.splitlines()[-1], f"play: {self.file}: 0.50 s played."
@@ -111,7 +113,7 @@ class TestPlay(unittest.TestCase):
             self.assertAlmostEqual(at, 0.8 - 0.7 * passed, delta=1e-6)
 
     def test_a_robot_that_was_taken_elsewhere_is_told(self):
-        playing = Terminal(program("play"), str(self.file))
+        playing = Terminal("play", str(self.file))
         self.states.wait(lambda m: m.velocity[self.index] > 0.0)
         other = rospy.ServiceProxy("/play_motion", PlayMotion)
         motion = RobotTrajectory()
@@ -123,8 +125,9 @@ class TestPlay(unittest.TestCase):
         self.assertIn(words, playing.text)
 
     def test_space_pauses_and_arrows_step(self):
-        playing = Terminal(program("play"), str(self.file), "--speed", "0.5")
+        playing = Terminal("play", str(self.file), "--speed", "0.5")
         playing.wait("sample ([5-9]|[12][0-9]) of 41")
+        self.states.wait(lambda m: m.velocity[self.index] > 0.0)
         playing.press(SPACE)
         playing.wait("paused")
         number = int(re.findall(r"sample (\d+) of", playing.text)[-1])
@@ -140,15 +143,12 @@ class TestPlay(unittest.TestCase):
         self.assertEqual(playing.end(), 0)
 
     def test_it_begins_again_until_a_signal_leaves_the_robot_where_it_is(self):
-        playing = subprocess.Popen(
-            [program("play"), self.file, "--from", "3.5", "--loop"],
-            stdin=subprocess.DEVNULL,
-        )
+        playing = Program("play", self.file, "--from", 3.5, "--loop")
         self.states.wait(lambda m: is_at(m, ELBOW, 0.8), "the end")
         self.states.clear()
         self.states.wait(lambda m: m.position[self.index] < 0.75, "the beginning")
         playing.send_signal(signal.SIGTERM)
-        self.assertNotEqual(playing.wait(DEADLINE), 0)
+        self.assertNotEqual(playing.wait(), 0)
         self.assert_still()
 
     def test_it_begins_where_the_robot_is(self):
@@ -159,7 +159,8 @@ class TestPlay(unittest.TestCase):
         there.transform.rotation.z = there.transform.rotation.w = np.sqrt(0.5)
         sender = tf2_ros.StaticTransformBroadcaster()
         sender.sendTransform(there)
-        done = run_play(
+        done = run(
+            "play",
             *(self.file, "--start-here", "--base-frame", "left/base_link"),
             *("--speed", 8),
         )
@@ -177,7 +178,7 @@ class TestPlay(unittest.TestCase):
 
     def test_it_puts_the_motion_on_the_floor(self):
         """The legs are straight: the soles are where a standing robot has them."""
-        done = run_play(self.file, "--on-floor", "--from", 3.9, "--to", 4.0)
+        done = run("play", self.file, "--on-floor", "--from", 3.9, "--to", 4.0)
         self.assertEqual(done.returncode, 0, done.stdout)
         self.assertAlmostEqual(self.base_pose()[2], 0.792, delta=0.005)
 
@@ -200,6 +201,6 @@ class TestPlay(unittest.TestCase):
             ),
         ):
             with self.subTest(text=text):
-                done = run_play(*arguments)
+                done = run("play", *arguments)
                 self.assertEqual(done.returncode, 1)
-                self.assertIn(text, done.stdout.splitlines()[-1])
+                self.assertIn(text, done.stderr.splitlines()[-1])

@@ -9,7 +9,7 @@ import termios
 import unittest
 from pathlib import Path
 
-from support.ros_testing import DEADLINE, program, wait_for
+from support.ros_testing import DEADLINE
 from support.terminal import Terminal
 
 BRIDGE = Path(__file__).resolve().parent / "support" / "slow_bridge.py"
@@ -32,9 +32,7 @@ class TestPlaySlow(unittest.TestCase):
         self.addCleanup(self.bridge.kill)
 
     def play(self, *arguments):
-        return Terminal(
-            program("play"), str(self.file), "--namespace", "slow", *arguments
-        )
+        return Terminal("play", self.file, "--namespace", "slow", *arguments)
 
     def asked(self):
         """Wait until the bridge is asked for something; give what."""
@@ -52,17 +50,6 @@ class TestPlaySlow(unittest.TestCase):
         self.assertEqual(playing.end(), 130)
         self.assertEqual(playing.settings_left, before)
         self.assertTrue(before[3] & termios.ICANON)
-
-    def test_a_robot_that_is_asked_to_begin_is_stopped(self):
-        playing = self.play()
-        self.assertEqual(self.asked(), "play")
-        playing.press(CTRL_C)
-        wait_for(lambda: playing.settings()[3] & termios.ICANON, "the end's beginning")
-        self.answer()
-        self.assertEqual(self.asked(), "stop")
-        self.answer()
-        self.assertEqual(playing.end(), 130)
-        self.assertIn("stopped; the robot keeps its position", playing.text)
 
     def test_that_it_may_go_on_is_told(self):
         playing = self.play()

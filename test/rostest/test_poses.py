@@ -1,35 +1,40 @@
-"""Poses as a user types them: at launch, in a jump, smoothly, saved, interrupted."""
+"""Poses as a user types them: at launch, in a jump, smoothly, saved."""
 
 import os
 import shutil
-import signal
 import subprocess
 import tempfile
 import unittest
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 import rospy
 import yaml
-from g1_description.srv import GetAnchor
+from g1_description.srv import GetAnchor, SetAnchor
 from gazebo_msgs.msg import LinkStates
 from gazebo_msgs.srv import DeleteModel, GetJointProperties
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
+from support.programs import Program
 from support.pose_command import KNEE, POSES, run, start
 from support.ros_testing import (
     DEADLINE,
     PROFILE,
     REPOSITORY,
     Connected,
-    Launch,
     Listener,
+    Repeated,
     position_of,
     program,
     wait_for,
 )
 
-INTERRUPTED = 130
+from g1_description.cli import pose
+from g1_description.cli.pose import PosedRobot
+from g1_description.ros.waiting import NoAnswerError
+
 ANCHOR = "right_ankle_roll_link"
 
 
@@ -59,23 +64,24 @@ class TestPoses(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         links = Listener("/gazebo/link_states", LinkStates)
-        states = Listener("/joint_states", JointState)
-        arguments = "initial_pose:=stand", "rviz:=false", "gui:=false", "rate:=50"
-        anchor = f"anchor:={ANCHOR}"
-        cls._launch = Launch("display.launch", *arguments, anchor)
+        cls.states = Connected("/joint_states", JointState)
+        cls.addClassCleanup(cls.states.close)
         wait_for(lambda: len(links.messages) > 50, "fifty link states")
         links.close()
-        states.wait()
-        states.close()
-        cls.first_links, cls.first_states = links.messages[:50], states.messages
-        cls.states = Connected("/joint_states", JointState)
+        cls.states.wait()
+        cls.first_links, cls.first_states = links.messages[:50], cls.states.messages
         cls.commands = rospy.Publisher("/joint_commands", JointState, queue_size=10)
         wait_for(cls.commands.get_num_connections, "the bridge to listen")
+        rospy.wait_for_service("/set_anchor", DEADLINE)
+        cls.anchor = anchor_of("g1_robot")
+        rospy.ServiceProxy("/set_anchor", SetAnchor)(link_name="")
 
     @classmethod
     def tearDownClass(cls):
-        cls.states.close()
-        cls._launch.stop()
+        """Let the robot be as it was launched."""
+        call("/gazebo/reset_simulation")
+        cls.states.clear()
+        cls.states.wait(is_in("stand"), "the first pose")
 
     def put(self, name):
         """Put the robot into a pose of the package, without the command."""
@@ -95,7 +101,7 @@ class TestPoses(unittest.TestCase):
         self.assertEqual(heights, {0.764})
 
     def test_the_robot_begins_with_its_anchor(self):
-        self.assertEqual(anchor_of("g1_robot"), ANCHOR)
+        self.assertEqual(self.anchor, ANCHOR)
 
     def test_a_joint_that_cannot_be_at_zero_begins_at_its_nearest_limit(self):
         home = Path(tempfile.mkdtemp())
@@ -119,16 +125,19 @@ class TestPoses(unittest.TestCase):
         self.assertEqual(joint("ranged::turn").position, (2.0,))
         self.assertEqual(anchor_of("ranged"), "arm")
 
-    def test_a_jump_is_there_when_the_command_ends(self):
-        self.put("zero")
-        self.assertEqual(run("squat"), (0, "pose: squat\n", ""))
-        self.assert_shown("squat")
+    def test_a_jump_is_there_when_the_command_ends_also_while_time_stands_still(self):
+        for name, act in (("squat", "unpause_physics"), ("wave", "pause_physics")):
+            call(f"/gazebo/{act}")
+            self.addCleanup(call, "/gazebo/unpause_physics")
+            self.states.clear()
+            self.assertEqual(run(name), (0, f"pose: {name}\n", ""))
+            self.states.wait(is_in(name), f"the pose {name}")
 
     def test_a_smooth_way_takes_its_time_and_never_turns_back(self):
         self.put("zero")
         self.states.clear()
         self.assertEqual(run("squat", "--seconds", 1), (0, "pose: squat\n", ""))
-        self.assert_shown_after_all()
+        self.states.wait(is_in("squat"), "the squat")
         seen = [*self.states.messages]
         knees = [round(position_of(message, KNEE), 9) for message in seen]
         self.assertEqual(knees, sorted(knees))
@@ -138,9 +147,6 @@ class TestPoses(unittest.TestCase):
         self.assertLess(speeds.max(), 5.0)
         on_its_way = stamps[[0.0 < knee < 2.35 - 1e-9 for knee in knees]]
         self.assertLess(np.ptp(on_its_way), 1.3)
-
-    def assert_shown_after_all(self):
-        self.states.wait(is_in("squat"), "the squat")
 
     def test_a_saved_pose_is_listed_and_taken_again(self):
         home = Path(tempfile.mkdtemp())
@@ -205,20 +211,6 @@ class TestPoses(unittest.TestCase):
         self.assertIn(told, errors)
         self.assert_shown("zero")
 
-    def test_an_interrupt_ends_it_on_the_way(self):
-        self.put("zero")
-        self.states.clear()
-        process = start("squat", "--seconds", 60)
-        self.addCleanup(process.kill)
-        self.states.wait(lambda m: position_of(m, KNEE) > 0.001, "the first steps")
-        process.send_signal(signal.SIGINT)
-        output, errors = process.communicate(timeout=DEADLINE)
-        self.assertEqual((output, errors), ("", "pose: interrupted.\n"))
-        self.assertEqual(process.returncode, INTERRUPTED)
-        self.states.clear()
-        self.states.wait(lambda m: not any(m.velocity), "it to stop")
-        self.assertLess(position_of(self.states.messages[-1], KNEE), 2.35)
-
     def test_a_way_halts_while_time_does(self):
         self.put("zero")
         self.states.clear()
@@ -231,7 +223,7 @@ class TestPoses(unittest.TestCase):
         self.assertRegex(told, "^pose: waiting: .*(time stands still|is time paused)")
         self.assertIsNone(process.poll())
         call("/gazebo/unpause_physics")
-        output, _ = process.communicate(timeout=DEADLINE)
+        output, _ = process.communicate()
         self.assertEqual((process.returncode, output), (0, "pose: squat\n"))
         self.assert_shown("squat")
 
@@ -242,14 +234,9 @@ class TestPoses(unittest.TestCase):
 
     def test_several_robots_have_namespaces(self):
         """A second bridge, which sees the robot under another namespace."""
-        bridge = subprocess.Popen(
-            [
-                program("link_states_bridge.py"),
-                "__name:=second",
-                "_robots:=[{name: g1_robot, namespace: left}]",
-            ]
-        )
-        self.addCleanup(bridge.wait, DEADLINE)
+        robots = "_robots:=[{name: g1_robot, namespace: left}]"
+        bridge = Program("link_states_bridge.py", "__name:=second", robots)
+        self.addCleanup(bridge.wait)
         self.addCleanup(bridge.terminate)
         listener = Listener("/left/joint_states", JointState)
         listener.wait()
@@ -257,3 +244,32 @@ class TestPoses(unittest.TestCase):
         self.put("zero")
         self.assertEqual(run("squat", "--namespace", "/left"), (0, "pose: squat\n", ""))
         self.assert_shown("squat")
+
+    def test_what_does_not_happen_is_told(self):
+        """No states, no obedience, no bridge."""
+        still = JointState(name=self.states.wait().name, position=[0.0] * 29)
+        still.header.stamp = rospy.Time(7)
+        deaf = rospy.Publisher("/deaf/joint_states", JointState, queue_size=1)
+        for closed in (
+            Listener("/silent/joint_commands", JointState),
+            Listener("/deaf/joint_commands", JointState),
+            Repeated(lambda: deaf.publish(still), 0.02),
+        ):
+            self.addCleanup(closed.close)
+
+        def end(space):
+            """Give how it ends, and what is said before."""
+            notes = []
+            robot = PosedRobot(space, notes.append)
+            with self.assertRaises(NoAnswerError) as told:
+                robot.teleport(np.ones(29))
+            return str(told.exception), notes
+
+        with mock.patch.object(pose, "TIMEOUT", 3.0), ThreadPoolExecutor() as pool:
+            silent, deaf_one, nobody = pool.map(end, ("silent", "deaf", "nobody"))
+        quiet = "no messages on /silent/joint_states; is a simulator running"
+        self.assertIn(f"The command was sent, but {quiet}", silent[0])
+        self.assertIn(f"waiting: {quiet}", silent[1][0])
+        self.assertIn("The robot did not reach the goal within 3 s: ", deaf_one[0])
+        self.assertIn("simulated time stands still at 7 s", deaf_one[1][0])
+        self.assertIn("Nothing subscribes to /nobody/joint_commands", nobody[0])

@@ -6,7 +6,6 @@ are taken, and what is refused, is tested in test/cli/test_recorder.py.
 
 import os
 import signal
-import subprocess
 from types import SimpleNamespace
 
 import numpy as np
@@ -19,12 +18,11 @@ from gazebo_msgs.srv import DeleteModel, SpawnModel
 from geometry_msgs.msg import Point, Pose, Quaternion
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
+from support.programs import Program
 from support.ros_testing import (
-    DEADLINE,
     Connected,
     Listener,
     position_of,
-    program,
     service,
     step_by,
     wait_for,
@@ -63,13 +61,7 @@ class Recordings:
         self.errors = {}
 
     def _start(self, name, *options):
-        return subprocess.Popen(
-            [program("record"), self.folder / name, *options],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            start_new_session=True,
-        )
+        return Program("record", self.folder / name, *options)
 
     def wait_for_begin(self, *names):
         for name in names:
@@ -79,7 +71,7 @@ class Recordings:
         """Wait for the end of a recording, after a signal."""
         if number:
             os.killpg(self.runs[name].pid, number)
-        out, self.errors[name] = self.runs[name].communicate(timeout=DEADLINE)
+        out, self.errors[name] = self.runs[name].communicate()
         assert self.runs[name].returncode == 0, self.errors[name]
         assert f"{self.folder / name}: " in out
 
@@ -231,7 +223,7 @@ def test_a_model_that_is_not_there_or_one_of_two_is_told(recordings):
 
 def test_a_robot_that_nobody_publishes_is_told(recordings):
     run = recordings.runs["left.csv"]
-    _, errors = run.communicate(timeout=DEADLINE)
+    _, errors = run.communicate()
     assert run.returncode == 1
     assert errors.endswith(
         "Nothing publishes /left/robot_state; is the namespace right?\n"

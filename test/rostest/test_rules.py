@@ -203,13 +203,15 @@ class TestRules(unittest.TestCase):
             self.assertEqual(set(config), names)
         defaults = {"max_update_rate": 60.0, "sor_pgs_iters": 20, "max_contacts": 100}
         defaults["sor_pgs_rms_error_tol"] = -1.0
-        now = {"max_update_rate": 1000.0, "sor_pgs_iters": 50, "max_contacts": 20}
-        now["sor_pgs_rms_error_tol"] = 0.0
+        now = {"max_contacts": 20, "sor_pgs_rms_error_tol": 0.0}
+        # Those of the world file.
+        now.update(max_update_rate=500.0, time_step=0.002, gravity_z=-2.0)
+        now.update(sor_pgs_iters=77, sor_pgs_w=1.4, erp=0.3)
         self.assertEqual({name: numbers[1][name] for name in defaults}, defaults)
         self.assertEqual({name: numbers[3][name] for name in now}, now)
-        for name in names - set(defaults):
+        for name in names - set(now):
             self.assertEqual(numbers[1][name], numbers[3][name], name)
-        self.assertEqual(rospy.get_param("/gazebo/max_update_rate"), 1000.0)
+        self.assertEqual(rospy.get_param("/gazebo/max_update_rate"), 500.0)
 
 
 def numbers_of(config):

@@ -2,6 +2,8 @@
 
 import signal
 import socket
+import subprocess
+import sys
 import threading
 import unittest
 
@@ -11,6 +13,30 @@ from support.ros_testing import DEADLINE, Listener, wait_for
 from support.stand_in import Node
 
 from tcpros import Service
+
+NODE = """
+import os, signal, threading, rospy
+from g1_description.ros.lifecycle import at_shutdown, start_node
+
+start_node("twice")
+begun, goes_on, called = threading.Event(), threading.Event(), threading.Event()
+
+def hold_up():
+    begun.set()
+    goes_on.wait()
+
+rospy.on_shutdown(hold_up)
+answers = next(t for t in threading.enumerate() if t.name.startswith("Thread-1"))
+os.kill(os.getpid(), signal.SIGINT)
+begun.wait()
+threading.Timer(0.2, goes_on.set).start()  # until then rospy holds its lock
+at_shutdown(called.set)
+answers.join()
+print("heard" if called.is_set() else "lost")
+os.kill(os.getpid(), signal.SIGINT)
+print("ended")
+"""
+"""Wants to hear of its end when that has begun, and is interrupted again after it."""
 
 
 class TestShutdown(unittest.TestCase):
@@ -30,7 +56,7 @@ class TestShutdown(unittest.TestCase):
             has_callers: Whether calls are to be answered while it ends. A busy machine
                 takes longer for them than the node waits; then it says what ended it.
         """
-        node = Node()
+        node = Node("_physics:=limp", "_z:=0.793")
         self.addCleanup(node.kill)
         wait = prepare(node)
         node.end(number)
@@ -96,3 +122,10 @@ class TestShutdown(unittest.TestCase):
                 self.assertFalse(thread.is_alive(), "a caller waits for ever")
 
         return wait
+
+
+def test_a_node_hears_of_its_end_and_bears_a_second_signal():
+    done = subprocess.run(
+        [sys.executable, "-c", NODE], capture_output=True, timeout=DEADLINE, text=True
+    )
+    assert (done.stdout, done.stderr) == ("heard\nended\n", "")

@@ -7,7 +7,6 @@ writes without a master is tested in test/cli/test_snapshot.py.
 import os
 import re
 import signal
-import subprocess
 import sys
 import time
 
@@ -22,12 +21,11 @@ from geometry_msgs.msg import Point, Pose, Quaternion
 from PIL import Image, ImageSequence
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
+from support.programs import Program
 from support.ros_testing import (
-    DEADLINE,
     Connected,
     Repeated,
     is_at,
-    program,
     service,
     wait_for,
 )
@@ -108,24 +106,12 @@ def picture_in(path):
     return np.array(Image.open(path).convert("RGB")).astype(int)
 
 
-def start(*arguments):
-    environment = {k: value for k, value in os.environ.items() if k != "DISPLAY"}
-    return subprocess.Popen(
-        [program("snapshot"), *map(str, arguments)],
-        env=environment,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
-
-
 def test_a_picture_shows_what_a_command_did_and_the_floor_of_the_map(
     draw, move, lift, tmp_path
 ):
     out, wanted = tmp_path / "a.png", ("--view", "front", "--size", "320x240")
-    process = start(out, *wanted)
-    told = process.communicate(timeout=DEADLINE)
+    process = Program("snapshot", out, *wanted)
+    told = process.communicate()
     assert (process.returncode, *told) == (0, f"{out}: 320x240, front\n", "")
     before = picture_in(out)
     assert before.shape == (240, 320, 3)
@@ -221,10 +207,10 @@ def listens():
 
 
 def test_an_interrupt_ends_it_and_leaves_nothing(tmp_path):
-    process = start(tmp_path / "a.gif", "--gif", "--seconds", "60")
+    process = Program("snapshot", tmp_path / "a.gif", "--gif", "--seconds", "60")
     wait_for(listens, "snapshot to listen")
     os.killpg(process.pid, signal.SIGINT)
-    told = process.communicate(timeout=DEADLINE)
+    told = process.communicate()
     errors = "snapshot: interrupted, nothing is written.\n"
     assert (process.returncode, *told) == (130, "", errors)
     assert not list(tmp_path.iterdir())

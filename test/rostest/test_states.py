@@ -14,7 +14,12 @@ from diagnostic_msgs.msg import DiagnosticArray
 from g1_description.msg import ModelTrajectory, RobotState
 from g1_description.srv import SetModelTrajectory, Step, StepModel
 from gazebo_msgs.msg import LinkStates, ModelState, ModelStates
-from gazebo_msgs.srv import GetWorldProperties, SetModelConfiguration, SetModelState
+from gazebo_msgs.srv import (
+    GetPhysicsProperties,
+    GetWorldProperties,
+    SetModelConfiguration,
+    SetModelState,
+)
 from geometry_msgs.msg import Point, Pose, Quaternion, Twist
 from rosgraph_msgs.msg import Clock, Log
 from scipy.spatial.transform import Rotation
@@ -71,6 +76,11 @@ class States(unittest.TestCase):
             for name in ("pause_physics", "reset_simulation", "unpause_physics")
         )
         cls.step = proxy("step", Step)
+        physics = proxy("get_physics_properties", GetPhysicsProperties)
+        cls.is_paused_at_first = physics().pause
+        cls.commands = rospy.Publisher("/joint_commands", JointState, queue_size=10)
+        cls.addClassCleanup(cls.commands.unregister)
+        wait_for(cls.commands.get_num_connections, "the bridge")
         cls.configure = proxy("set_model_configuration", SetModelConfiguration)
 
     def setUp(self):
@@ -146,7 +156,12 @@ class States(unittest.TestCase):
 
 class TestStatesOfEachStep(States):
     rate = 1000
-    arguments = ("fixed_base:=true",)
+    arguments = "fixed_base:=true", "paused:=true"
+
+    def test_0_a_robot_that_is_launched_paused_is_there(self):
+        self.assertTrue(self.is_paused_at_first)
+        self.pause()
+        check_that_commands_show(self.states, self.commands)
 
     def test_an_argument_of_the_launch_file_is_a_parameter(self):
         """This one has no effect in kinematic physics."""
@@ -173,9 +188,6 @@ class TestStatesAtTheRate(States):
         super().setUpClass()
         cls.log = Connected("/rosout", Log)
         cls.addClassCleanup(cls.log.close)
-        cls.commands = rospy.Publisher("/joint_commands", JointState, queue_size=10)
-        cls.addClassCleanup(cls.commands.unregister)
-        wait_for(cls.commands.get_num_connections, "the bridge")
         cls.reset_world = proxy("reset_world", Empty)
 
     def setUp(self):

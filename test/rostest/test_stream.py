@@ -14,11 +14,11 @@ import rospy
 from g1_description.msg import RobotState, RobotTrajectory
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
+from support.programs import Program
 from support.ros_testing import (
     DEADLINE,
     Connected,
     Listener,
-    program,
     wait_for,
 )
 
@@ -50,13 +50,21 @@ class TestStream(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         cls.states = Connected("/robot_state", RobotState)
+        cls.addClassCleanup(cls.states.close)
 
-    def test_base_and_joints_arrive_together_and_feet_stay(self):
+    def test_base_and_joints_arrive_together_and_a_recording_passes_its_checks(self):
+        """Streamed configurations have no velocities: their zeros must not count."""
         squat = ROBOT.read_motion("squat.csv")
-        self.states.clear()
+        file = Path(self.folder(), "streamed.csv")
         with Stream(rate=50) as stream:
+            stream.send(squat.positions[0], squat.base[0])
+            record = Program("record", file)
+            self.assertIn("recording", record.stderr.readline())
+            self.states.clear()
             times = [stream.send(*row) for row in zip(squat.positions, squat.base)]
         self.states.wait(lambda m: is_down(m, squat))
+        record.send_signal(signal.SIGINT)
+        self.assertEqual(record.wait(), 0, record.communicate())
         self.assertEqual(stream.robot.joint_names, ROBOT.joint_names)
         # A busy machine takes longer; never shorter.
         self.assertGreater(times[-1] - times[0], PERIOD * (len(times) - 21))
@@ -66,6 +74,10 @@ class TestStream(unittest.TestCase):
         poses = ROBOT.link_poses([m.position for m in shown], bases)
         for foot in FEET:
             self.assertLess(np.ptp(poses[foot], axis=0).max(), 4e-4)
+        self.assertNotIn(".velocity", file.read_text())
+        verdict = ROBOT.check(file, only=["drift", "skating"])
+        self.assertEqual(verdict.findings, ())
+        self.assertGreater(verdict.figures["contact_share"], 0.99)
 
     def test_a_program_may_listen_to_the_same_topics(self):
         """Rospy gives all subscribers of a topic the class of the first one."""
@@ -88,28 +100,6 @@ class TestStream(unittest.TestCase):
         folder = TemporaryDirectory()
         self.addCleanup(folder.cleanup)
         return folder.name
-
-    def test_a_recorded_stream_passes_its_checks(self):
-        """Streamed configurations have no velocities: their zeros must not count."""
-        squat = ROBOT.read_motion("squat.csv")
-        file = Path(self.folder(), "streamed.csv")
-        with Stream(rate=50) as stream:
-            stream.send(squat.positions[0], squat.base[0])
-            record = subprocess.Popen(
-                [program("record"), file],
-                stdout=subprocess.PIPE,
-                stderr=subprocess.STDOUT,
-                text=True,
-            )
-            self.assertIn("recording", record.stdout.readline())
-            for row in zip(squat.positions, squat.base):
-                stream.send(*row)
-        record.send_signal(signal.SIGINT)
-        self.assertEqual(record.wait(DEADLINE), 0, record.communicate()[0])
-        self.assertNotIn(".velocity", file.read_text())
-        verdict = ROBOT.check(file, only=["drift", "skating"])
-        self.assertEqual(verdict.findings, ())
-        self.assertGreater(verdict.figures["contact_share"], 0.99)
 
     def test_what_is_not_named_stays(self):
         before = self.states.messages[-1]

@@ -87,6 +87,9 @@ class Joints:
     def clear(self):
         self._states.clear()
 
+    def close(self):
+        self._states.close()
+
     @property
     def messages(self):
         return [*self._states.messages]

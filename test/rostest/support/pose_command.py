@@ -1,25 +1,16 @@
 """The command pose, with the words that a user types."""
 
-import os
-import subprocess
-
 import yaml
 
-from .ros_testing import DEADLINE, PROFILE, program
+from .programs import Program
+from .ros_testing import PROFILE
 
 POSES = yaml.safe_load((PROFILE / "poses.yaml").read_text())
 KNEE = "left_knee_joint"
 
 
 def start(*words, home=None):
-    environment = {**os.environ, "ROS_HOME": str(home)} if home else None
-    return subprocess.Popen(
-        [program("pose"), *map(str, words)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env=environment,
-    )
+    return Program("pose", *words, environment={"ROS_HOME": str(home)} if home else {})
 
 
 def run(*words, home=None):
@@ -28,7 +19,7 @@ def run(*words, home=None):
     What rospy itself says of a connection that its other end gave up is left out.
     """
     process = start(*words, home=home)
-    output, errors = process.communicate(timeout=DEADLINE)
+    output, errors = process.communicate()
     lines = errors.splitlines(keepends=True)
     own = [line for line in lines if "Inbound TCP/IP connection failed" not in line]
     return process.returncode, output, "".join(own)

@@ -31,18 +31,6 @@ def program(name, package="g1_description"):
     return roslib.packages.find_node(package, name)[0]
 
 
-def run_play(*arguments):
-    """Run the command play without a terminal; give its output and exit code."""
-    return subprocess.run(
-        [program("play"), *map(str, arguments)],
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        timeout=DEADLINE,
-    )
-
-
 def position_of(message, joint):
     """Give a joint's position in a JointState, in [rad] or [m]."""
     return message.position[message.name.index(joint)]

@@ -1,7 +1,6 @@
 """A terminal to run programs in."""
 
 import os
-import pty
 import re
 import select
 import termios
@@ -9,14 +8,16 @@ import time
 
 from waiting import DEADLINE
 
+from .programs import Program
+
 
 class Terminal:
-    """A program in a terminal of its own."""
+    """A program of this package in a terminal of its own."""
 
-    def __init__(self, *command):
-        self._pid, self._terminal = pty.fork()
-        if self._pid == 0:
-            os.execv(command[0], command)
+    def __init__(self, name, *words):
+        self._terminal, its = os.openpty()
+        self._program = Program(name, *words, terminal=its)
+        os.close(its)
         self.text = ""
 
     def wait(self, pattern):
@@ -53,4 +54,4 @@ class Terminal:
     def close(self):
         """Close the terminal, and wait for the program's end; return its exit code."""
         os.close(self._terminal)
-        return os.WEXITSTATUS(os.waitpid(self._pid, 0)[1])
+        return self._program.wait()

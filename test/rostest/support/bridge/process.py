@@ -2,39 +2,34 @@
 
 import os
 import signal
-import subprocess
 import tempfile
 
 import rosgraph
 
-from ..ros_testing import program, wait_for
+from ..programs import Program
+from ..ros_testing import wait_for
 from ..stand_in import Node
-
-PROGRAM = "link_states_bridge.py"
 
 
 class Bridge(Node):
     """A bridge with arguments of its own, on any master."""
 
-    def __init__(self, *arguments, name="/link_states_bridge", master_uri=None):
+    def __init__(self, *arguments, name="/link_states_bridge"):
         """Start it, and wait until it listens.
 
         Args:
             arguments: Parameters and names, as on a command line.
             name: Full name of the node.
-            master_uri: Address of the master; None for that of the environment.
         """
         namespace, _, base = name.rpartition("/")
         namespace = namespace or "/"
         self.name = name
-        self._master = rosgraph.Master("/test", master_uri)
+        self._master = rosgraph.Master("/test")
         self._output = tempfile.TemporaryFile()  # noqa: SIM115  (kept until kill)
-        self.process = subprocess.Popen(
-            [program(PROGRAM), f"__name:={base}", f"__ns:={namespace}", *arguments],
-            env={**os.environ, "ROS_MASTER_URI": self._master.master_uri},
-            stdout=self._output,
-            stderr=subprocess.STDOUT,
-            start_new_session=True,
+        self.process = Program(
+            *("link_states_bridge.py", f"__name:={base}", f"__ns:={namespace}"),
+            *arguments,
+            output=self._output.fileno(),
         )
         self.pid = self.process.pid
         wait_for(self._is_up, f"{name} to listen")

@@ -18,14 +18,13 @@ RESET = struct.pack("ii", 1, 0)
 class RawPublisher:
     """A node with one topic. Its subscribers get what the test sends, as it is."""
 
-    def __init__(self, topic, kind, name, master_uri=None, answers=True):
+    def __init__(self, topic, kind, name, answers=True):
         """Register with a master.
 
         Args:
             topic: Full name of the topic.
             kind: Class of the messages that it claims to send.
             name: Full name of the node.
-            master_uri: Address of the master; None for that of the environment.
             answers: Whether subscribers that connect get an answer at all.
         """
         self.topic, self._kind, self._name = topic, kind, name
@@ -40,7 +39,7 @@ class RawPublisher:
         self.uri = f"http://localhost:{self._node.server_address[1]}/"
         for target, *arguments in ((self._accept,), (self._node.serve_forever, 0.01)):
             threading.Thread(target=target, args=arguments, daemon=True).start()
-        self._master = rosgraph.Master(name, master_uri)
+        self._master = rosgraph.Master(name)
         self.register()
 
     def register(self):

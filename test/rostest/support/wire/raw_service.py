@@ -21,12 +21,11 @@ RESET = struct.pack("ii", 1, 0)
 class Simulator:
     """The service of a simulator, and all that it was asked for."""
 
-    def __init__(self, name=SERVICE, master_uri=None):
+    def __init__(self, name=SERVICE):
         """Register the service.
 
         Args:
             name: Its full name.
-            master_uri: Address of the master; None for that of the environment.
         """
         self.name = name
         self.requests = []
@@ -39,7 +38,7 @@ class Simulator:
         self._listener = socket.create_server(("localhost", 0))
         self._uri = f"rosrpc://localhost:{self._listener.getsockname()[1]}"
         threading.Thread(target=self._accept, daemon=True).start()
-        self._master = rosgraph.Master(rospy.get_name(), master_uri)
+        self._master = rosgraph.Master(rospy.get_name())
         self._master.registerService(name, self._uri, rospy.get_node_uri())
 
     def _accept(self):
