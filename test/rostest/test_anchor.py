@@ -13,10 +13,10 @@ from g1_description.srv import GetAnchor, PlayMotion, SetAnchor
 from geometry_msgs.msg import PoseStamped, Transform
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
-from support.programs import run
 from support.pose_command import POSES
 from support.pose_command import run as run_pose
 from support.pose_command import start as start_pose
+from support.programs import run
 from support.ros_testing import (
     Connected,
     position_of,

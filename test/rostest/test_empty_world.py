@@ -34,8 +34,8 @@ from geometry_msgs.msg import Point, Pose, Quaternion
 from rosgraph_msgs.msg import Clock, Log
 from scipy.spatial.transform import Rotation
 from std_srvs.srv import Empty, EmptyResponse
-from support.programs import run
 from support.golden.simulator import Simulator
+from support.programs import run
 from support.ros_testing import (
     DEADLINE,
     REPOSITORY,

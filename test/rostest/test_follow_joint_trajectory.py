@@ -8,9 +8,9 @@ import rospy
 from control_msgs.msg import FollowJointTrajectoryResult as Result
 from geometry_msgs.msg import Point, Pose, Quaternion
 from sensor_msgs.msg import JointState
-from support.programs import Program, run
 from support.goals import Client, Joints, Snapshot, goal_of, tolerance
 from support.joint_limits import limits
+from support.programs import Program, run
 from support.ros_testing import NodeLog, wait_for
 from support.stand_in import Node
 from trajectory_msgs.msg import JointTrajectory

@@ -1,6 +1,6 @@
 """Motions on a simulator that only takes configurations, as the real Gazebo.
 
-It is the stand-in, whose own service and topic for motions are out of sight.
+It is the stand-in, whose own service and topics for motions are out of sight.
 """
 
 import unittest
@@ -12,8 +12,8 @@ from g1_description.srv import SetAnchor
 from geometry_msgs.msg import Transform
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
-from support.programs import Program
 from support.goals import Client, goal_of, tolerance
+from support.programs import Program
 from support.ros_testing import DEADLINE, Connected, is_at, position_of, wait_for
 from support.stand_in import Node
 from tf2_msgs.msg import TFMessage
@@ -44,8 +44,11 @@ def motion(*samples):
 class TestMotionElsewhere(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        hidden = "/gazebo/set_model_trajectory:=/hidden/set_model_trajectory"
-        cls.world = Node(hidden, "_link_states_rate:=50", "_pub_clock_frequency:=50")
+        hidden = (
+            f"/gazebo/{name}:=/hidden/{name}"
+            for name in ("set_model_trajectory", "simulator_state")
+        )
+        cls.world = Node(*hidden, "_link_states_rate:=50", "_pub_clock_frequency:=50")
         cls.addClassCleanup(cls.world.close)
         bridge = Program("link_states_bridge.py")
         cls.addClassCleanup(bridge.wait)

@@ -13,8 +13,8 @@ from g1_description.msg import RobotTrajectory
 from g1_description.srv import PlayMotion
 from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import JointState
-from support.programs import Program, run
 from support.joint_limits import limits
+from support.programs import Program, run
 from support.ros_testing import Connected, is_at, step_by
 from support.terminal import Terminal
 from tf2_msgs.msg import TFMessage

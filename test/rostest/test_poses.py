@@ -17,8 +17,8 @@ from gazebo_msgs.msg import LinkStates
 from gazebo_msgs.srv import DeleteModel, GetJointProperties
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
-from support.programs import Program
 from support.pose_command import KNEE, POSES, run, start
+from support.programs import Program
 from support.ros_testing import (
     DEADLINE,
     PROFILE,
