@@ -421,14 +421,8 @@ def renamed(system):
     message.name = ["robot::foot", "robot::arm", "lamp::bulb"]
 
 
-def bad_report(system):
-    (status,) = system.heard["/diagnostics"][1].status
-    status.level = 2
-
-
 WITHOUT_RVIZ = change("services", "/rviz/reload_shaders")
 PAGE_NODE = dict.fromkeys(PAGE_PARAMETERS, 1)
-NO_SCREEN = "not needed without a screen; in a browser: roslaunch g1_description web"
 
 REMARKS = {
     "nothing": (lambda system: None, "model", "post"),

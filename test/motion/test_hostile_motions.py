@@ -3,7 +3,6 @@
 import base64
 import io
 import json
-import lzma
 import os
 import pickle
 import struct
@@ -59,13 +58,6 @@ def torch(shape, stride):
     return zipped({"a/data.pkl": b"\x80\x02}(" + items + b"u.", "a/data/0": bytes(4)})
 
 
-def of_dictionary():
-    """Make a file of lzma that needs 1.5 GB to be read."""
-    content = bytearray(lzma.compress(bytes(1000), lzma.FORMAT_ALONE))
-    content[1:5] = struct.pack("<I", 2**30 + 2**29)
-    return bytes(content)
-
-
 def of_merges(depth):
     """Make mappings that are merged of ten of the ones before, again and again."""
     lines = ["m0: &m0 {a: 1}"]
@@ -116,10 +108,6 @@ def bag(chunk, packing=b"none", size=None, count=1):
         }
     )
     return start + head.ljust(4096, b"\0") + chunk + index
-
-
-def message(data):
-    return record({"op": b"\x02", "conn": bytes(4), "time": b"\1" * 8}, data)
 
 
 def bz2_bomb():

@@ -223,19 +223,7 @@ def claims(shape):
     return file.getvalue()
 
 
-HEADER = "{{'descr': '<f8', 'fortran_order': False, 'shape': {}, }}"
 ROW = ",".join(["0", "0", "0.8", "0", "0", "0", "1", *["0.1"] * 29])
-
-
-def npz_with(header):
-    """Make an npz whose array has this header."""
-    file = io.BytesIO()
-    with zipfile.ZipFile(file, "w") as archive:
-        others(archive)
-        text = header.encode().ljust(118) + b"\n"
-        magic = b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little")
-        archive.writestr("dof_pos.npy", magic + text + bytes(80))
-    return file.getvalue()
 
 
 def npy():

@@ -4,7 +4,7 @@ import os
 
 import numpy as np
 import pytest
-from conftest import REPOSITORY, VENDOR
+from conftest import REPOSITORY
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -15,8 +15,6 @@ from g1_description.motion.motion import Motion, sample
 from g1_description.robot.load import read_model
 from g1_description.robot.rotation import normalized
 
-CLIPS = VENDOR.parents[1] / "motions"
-REVISION = VENDOR.parent / "g1_29dof_rev_1_0.urdf"
 G1 = read_model(str(REPOSITORY / "urdf" / "g1_29dof.urdf")).description
 NAMES = tuple(joint.name for joint in G1.movable_joints)
 

@@ -5,7 +5,6 @@ from dataclasses import fields, is_dataclass, replace
 import numpy as np
 import pytest
 from checked import assert_as_kept
-from conftest import REPOSITORY
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from robots import BOX, MASS, chains, link, lump
@@ -14,8 +13,6 @@ from scipy.spatial.transform import Rotation
 from g1_description.robot.assembly import base_of, rigid_frames, root_in_base
 from g1_description.robot.lumping import impossible_inertias, lump_fixed_joints
 from g1_description.robot.urdf import parse_urdf
-
-DATA = REPOSITORY / "test" / "data"
 
 
 def joint(name, kind, parent, child, inside=""):

@@ -99,14 +99,6 @@ def test_a_mesh_is_no_robot(tmp_path):
     assert f"{file} is a binary file; a robot description must be text" in refusal(file)
 
 
-PREFIXED = (
-    ROBOT.replace("<robot", '<robot a:b="1"')
-    .replace('<link name="a"', '<link c:d="2" name="a"')
-    .replace("</robot>", '<sensor:camera name="eye"><x:y/></sensor:camera></robot>')
-    .replace("</robot>", "<gazebo><foo:bar/></gazebo></robot>")
-)
-
-
 def test_uris_are_read(write, tmp_path, monkeypatch):
     path = write("mine/urdf/r 1.urdf")
     assert read_model("file://" + str(path).replace(" ", "%20")).path == path
