@@ -3,6 +3,7 @@
 As many of these as one likes stand for as many browsers, without their drawing.
 """
 
+import re
 import socket
 import threading
 import time
@@ -148,15 +149,24 @@ class PageClient:
 
     def element(self, label):
         """Wait for the GUI element with a label; give its properties, uuid too."""
-        return self.wait_for(lambda: self._labelled(label), f"'{label}'")
+        return self.wait_for(lambda: self.find(label), f"'{label}'")
 
-    def _labelled(self, label):
+    def find(self, label):
+        """Give the properties of the element with a label; None if there is none."""
         found = (
             element
-            for element in self.elements.values()
+            for element in [*self.elements.values()]
             if element.get("label") == label
         )
         return next(found, None)
+
+    def says(self, words):
+        """Tell whether a text or a notice of the page has these words."""
+        texts = (
+            f"{element.get('_markdown', '')} {element.get('body', '')}"
+            for element in [*self.elements.values()]
+        )
+        return any(words in re.sub(r"[\\*]", "", text) for text in texts)
 
     def value(self, label):
         """Give the newest value of the element with a label."""

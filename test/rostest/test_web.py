@@ -226,7 +226,7 @@ def test_the_simulator_pauses_steps_and_goes_on(address):
             lambda: any(refusal in str(e) for e in [*client.elements.values()]), refusal
         )
         client.press("Pause")
-        client.wait_for(lambda: client._labelled("Go on"), "a pause")
+        client.wait_for(lambda: client.find("Go on"), "a pause")
         before = world().sim_time
         client.set("Steps", 25)
         client.press("Step")
@@ -239,7 +239,7 @@ def test_the_simulator_pauses_steps_and_goes_on(address):
             ),
             "the word",
         )
-        client.wait_for(lambda: client._labelled("Go on"), "the pause again")
+        client.wait_for(lambda: client.find("Go on"), "the pause again")
         assert world().sim_time == pytest.approx(done, abs=1e-6)
         client.press("Go on")
         wait_for(lambda: world().sim_time > before + 0.5, "time that runs")

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,13 +10,15 @@ from scipy.spatial.transform import Rotation
 
 pytest.importorskip("viser", reason="viser is not installed")
 
-from g1_description import Robot
+from shown_pages import standing_g1
+
 from g1_description.errors import InvalidValueError
 from g1_description.motion.history_chunks import Stretch
 from g1_description.motion.motion import Motion
 from g1_description.robot.urdf import parse_urdf
-from g1_description.web import plots
-from g1_description.web.file_world import FileWorld, StillRobot
+from g1_description.web import plot_data
+from g1_description.web.plot_data import Curve, PlotData
+from g1_description.web.plots import TIME
 from g1_description.web.quantities import (
     BASE,
     DISTANCE,
@@ -31,11 +32,6 @@ from g1_description.web.quantities import (
     Quantity,
     motion_stretch,
 )
-from g1_description.web.server.address import ServerOptions
-from g1_description.web.show import Show
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
-from web_clients import running
 
 from page_client import PageClient
 
@@ -184,27 +180,138 @@ def test_a_fast_motion_has_its_speed_and_its_turns(sled):
     np.testing.assert_allclose(yaw, 3.0 * times, atol=1e-6)
 
 
+# --- curves and their numbers ---
+
+
+class Sled:
+    """A sled with a history."""
+
+    description = parse_urdf(SLED)
+
+    def __init__(self, name, history=None, stamp=0):
+        self.name, self.history = name, history
+        self.newest = SimpleNamespace(stamp=stamp)
+
+    def state(self):
+        return self.newest
+
+
+SLIDE, ARM = Quantity(POSITION, ("to_slide",)), Quantity(POSITION, ("to_arm",))
+
+
+def test_curves_are_kept_once_by_unit_and_the_oldest_goes():
+    robot, other = Sled("a"), Sled("b")
+    data = PlotData([robot])
+    for quantity in (SLIDE, ARM, SLIDE):
+        data.add(Curve(robot, quantity))
+    assert data.by_unit() == {"m": [Curve(robot, SLIDE)], "rad": [Curve(robot, ARM)]}
+    assert data.label(Curve(robot, SLIDE)) == "position, to_slide"
+    two = PlotData([robot, other])
+    assert two.label(Curve(other, SLIDE)) == "b: position, to_slide"
+    for name in OF_BASE:
+        data.add(Curve(robot, Quantity(BASE, (name,))))
+    assert len(data.curves) == plot_data.MAX_CURVES
+    assert Curve(robot, SLIDE) not in data.curves
+
+
+def test_columns_have_common_times_and_a_mark():
+    one, other = Sled("one"), Sled("other")
+    data = PlotData([one, other])
+    curves = [Curve(one, SLIDE), Curve(other, ARM)]
+    assert data.end is None
+    assert data.columns(curves, None)[0].tolist() == [0.0, 1.0], "nothing is known"
+    motions = {
+        one: Motion(np.array([0.0, 1.0, 2.0]), ("to_slide",), np.array([[1, 3, 5.0]]).T)
+    }
+    data.numbers = data.compute(curves, data.of_motions(motions))
+    assert data.end == 2.0
+    for at, marked in ((1.0, [1, 2]), (1.5, [1, 2]), (9.0, [0, 1]), (None, [0, 1])):
+        times, slide, commanded, arm, other_commanded, mark = data.columns(curves, at)
+        assert times.tolist() == [0.0, 1.0, 2.0]
+        assert slide.tolist() == [1.0, 3.0, 5.0]
+        for unknown in (commanded, arm, other_commanded):
+            assert np.isnan(unknown).all()
+        if at != 1.5:
+            assert np.flatnonzero(np.isfinite(mark)).tolist() == marked
+    assert mark[0] < 1.0 and mark[1] > 5.0, "the axis has room"
+
+
+def test_only_new_states_are_requested_of_a_robot_that_goes_on():
+    all_states, requests = stretch(1001), []  # 1 s to 11 s
+
+    class History:
+        def whole(self, begin=0, end=0, run=0, last=0.0):
+            end = end or robot.state().stamp
+            begin = begin or end - round(1e9 * last)
+            requests.append((begin, end))
+            stamps = all_states.stamps
+            kept = all_states.rows((stamps >= begin) & (stamps <= end))
+            return SimpleNamespace(stretch=kept)
+
+    robot = Sled("r", History(), 5 * 10**9)
+    data, curve = PlotData([robot]), Curve(robot, SLIDE)
+
+    def plotted(length):
+        answer = data.compute([curve], data.of_history(None, length * 10**9))
+        assert answer.problem == ""
+        return answer.data[curve][0][[0, -1]].tolist()
+
+    assert plotted(2) == [3.0, 5.0]
+    robot.newest.stamp = 6 * 10**9
+    assert plotted(2) == [4.0, 6.0]
+    assert requests[-1] == (5 * 10**9 + 1, 6 * 10**9)
+    assert plotted(3) == [3.0, 6.0], "a longer one is requested again"
+
+
+def test_a_problem_of_one_robot_leaves_the_curves_of_another():
+    def fail(**_):
+        raise InvalidValueError("No bridge.")
+
+    bad = Sled("bad", SimpleNamespace(whole=fail))
+    good = Sled("good", SimpleNamespace())
+    data = PlotData([bad, good])
+    sources = {**data.of_history(None, 10**9), good: lambda: stretch(11)}
+    curves = [Curve(bad, SLIDE), Curve(good, SLIDE)]
+    answer = data.compute(curves, sources)
+    assert (answer.problem, [*answer.data]) == ("No bridge.", curves[1:])
+
+
+def test_peaks_stay_when_points_are_left_out():
+    times = np.arange(10_000) / 200.0
+    flat, wild = np.zeros(10_000), np.random.RandomState(4).normal(size=10_000)
+    flat[[17, 9_999]] = 5.0, -3.0
+    wild[200:900] = np.nan
+    fewer, (one, other) = plot_data.thinned(times, [flat, wild], 700)
+    assert 350 < len(fewer) <= 700
+    assert len(one) == len(other) == len(fewer)
+    assert (np.diff(fewer) >= 0).all()
+    np.testing.assert_array_equal(fewer[[0, -1]], times[[0, -1]])
+    assert (one.max(), one.min()) == (5.0, -3.0)
+    assert abs(fewer[one.argmax()] - times[17]) < 0.15
+    assert (np.nanmax(other), np.nanmin(other)) == (np.nanmax(wild), np.nanmin(wild))
+    assert np.isnan(other).sum() in range(40, 55)
+    few = plot_data.thinned(times[:700], [flat[:700]], 700)
+    np.testing.assert_array_equal(few[1][0], flat[:700])
+
+
 # --- on the page ---
 
 
-@pytest.fixture(scope="module")
-def shown():
-    model = Robot()
-    still = StillRobot("g1", model.description)
-    world = FileWorld([still], None)
-    show = Show(world, ServerOptions(port=0), lambda _: model.checker())
-    with running(show):
-        yield still, show
-
-
 @pytest.fixture
-def browser(shown):
-    _, show = shown
-    with PageClient(show.address) as one:
+def browser():
+    with PageClient(standing_g1().show.address) as one:
         one.wait_until_whole()
         yield one
         one.press("Clear")
         one.wait_for(lambda: not drawn(one), "no plot")
+
+
+def open_motion(motion):
+    """Open a motion of the robot, as a file would be."""
+    page = standing_g1()
+    panel = page.show.page.motion
+    page.show.page.ui.post("test", lambda: panel.open("m", page.robot, motion))
+    return panel
 
 
 def drawn(client):
@@ -232,11 +339,10 @@ def choose(client, kind, of, to=None):
     client.press("Add")
 
 
-def test_lines_of_the_open_motion_by_unit_with_the_shown_time(shown, browser):
-    still, show = shown
+def test_lines_of_the_open_motion_by_unit_with_the_shown_time(browser):
     times = np.linspace(0.0, 2.0, 201)
     motion = Motion(times, ("left_elbow_joint",), np.sin(times)[:, None])
-    show.page.ui.post("test", lambda: show.page.motion.open("m", still, motion))
+    panel = open_motion(motion)
     add(browser, POSITION, "left_elbow")
     add(browser, VELOCITY, "left_elbow")
     add(browser, POSITION, "left_knee")
@@ -260,9 +366,8 @@ def test_lines_of_the_open_motion_by_unit_with_the_shown_time(shown, browser):
     inner = drawn(browser)[speed][1][1:-1]
     np.testing.assert_allclose(inner, np.cos(times[1:-1]), atol=1e-4)
 
-    browser.set(plots.TIME, 1.5)
-    player = show.page.motion.player
-    browser.wait_for(lambda: player.time == 1.5, "its time")
+    browser.set(TIME, 1.5)
+    browser.wait_for(lambda: panel.player.time == 1.5, "its time")
 
     def marked():
         return times[np.isfinite(drawn(browser)[speed][-1])].tolist()
@@ -274,21 +379,20 @@ def test_lines_of_the_open_motion_by_unit_with_the_shown_time(shown, browser):
     ]
     assert scales == [{"x": {"time": False}}] * 2
     browser.set("Time", 0.25)
-    browser.wait_for(lambda: browser.value(plots.TIME) == 0.25, "the other way round")
+    browser.wait_for(lambda: browser.value(TIME) == 0.25, "the other way round")
 
 
-def test_distances_are_those_of_two_links(shown, browser):
-    still, show = shown
+def test_distances_are_those_of_two_links(browser):
     choose(browser, DISTANCE, "left_rubber_hand", "left_rubber_hand")
     browser.wait_for(
         lambda: any("two links" in str(e) for e in [*browser.elements.values()]),
         "a refusal",
     )
     assert not drawn(browser)
-    model = Robot()
+    model = standing_g1().model
     rolls = np.linspace(0.0, 1.0, 5)
     motion = Motion(rolls, ("left_shoulder_roll_joint",), rolls[:, None])
-    show.page.ui.post("test", lambda: show.page.motion.open("m", still, motion))
+    open_motion(motion)
     add(browser, DISTANCE, "left_rubber_hand", "right_rubber_hand")
     browser.wait_for(
         lambda: any(
@@ -308,30 +412,3 @@ def test_distances_are_those_of_two_links(shown, browser):
     assert (np.diff(distances) > 0).all()
     assert (distances < apart).all()
     assert (distances > np.array(apart) - 0.3).all()
-
-
-def test_a_seventh_line_takes_the_place_of_the_first(browser):
-    joints = ["left_knee", "right_knee", "left_elbow", "right_elbow", "waist_yaw"]
-    for joint in [*joints, "waist_roll", "waist_pitch"]:
-        add(browser, POSITION, joint)
-    (labels,) = drawn(browser)
-    assert "position, left_knee" not in labels
-    assert labels.count("commanded") == plots.MAX_CURVES
-
-
-def test_peaks_stay_when_points_are_left_out():
-    times = np.arange(10_000) / 200.0
-    flat, wild = np.zeros(10_000), np.random.RandomState(4).normal(size=10_000)
-    flat[[17, 9_999]] = 5.0, -3.0
-    wild[200:900] = np.nan
-    fewer, (one, other) = plots.thinned(times, [flat, wild], 700)
-    assert 350 < len(fewer) <= 700
-    assert len(one) == len(other) == len(fewer)
-    assert (np.diff(fewer) >= 0).all()
-    np.testing.assert_array_equal(fewer[[0, -1]], times[[0, -1]])
-    assert (one.max(), one.min()) == (5.0, -3.0)
-    assert abs(fewer[one.argmax()] - times[17]) < 0.15
-    assert (np.nanmax(other), np.nanmin(other)) == (np.nanmax(wild), np.nanmin(wild))
-    assert np.isnan(other).sum() in range(40, 55)
-    few = plots.thinned(times[:700], [flat[:700]], 700)
-    np.testing.assert_array_equal(few[1][0], flat[:700])

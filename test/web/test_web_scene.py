@@ -41,33 +41,33 @@ class Seen:
 
     def __init__(self):
         self.server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-        self._client = PageClient(f"http://127.0.0.1:{self.server.get_port()}")
+        self.client = PageClient(f"http://127.0.0.1:{self.server.get_port()}")
         self._marker = self.server.scene.add_frame("/marker")
         self._count = self._robots = 0
 
     def close(self):
-        self._client.close()
+        self.client.close()
         self.server.stop()
 
     def nodes(self):
         """Give all nodes, once the page knows what was done up to now."""
         self._count += 1
         self._marker.position = (self._count, 0.0, 0.0)
-        marker = self._client.nodes
-        self._client.wait_for(
+        marker = self.client.nodes
+        self.client.wait_for(
             lambda: marker.get("/marker", {}).get("position") == [self._count, 0, 0],
             "the newest frames",
             10.0,
         )
-        return self._client.nodes
+        return self.client.nodes
 
     def made(self, name):
         """Count how often lines were made."""
-        return self._client.counts["LineSegmentsMessage", name]
+        return self.client.counts["LineSegmentsMessage", name]
 
     def updates(self, name):
         """Count changes of a node, but those of its pose."""
-        return self._client.counts["SceneNodeUpdateMessage", name]
+        return self.client.counts["SceneNodeUpdateMessage", name]
 
     def add_root(self):
         """Add a frame for a robot: no two have the same name."""
@@ -185,7 +185,7 @@ def test_only_what_moved_is_sent(seen):
     tree = LinkTree(seen.server.scene, root.name, description)
     tree.bend({"to_b": 0.1, "to_c": 0.2, "to_d": 0.3})
     seen.nodes()
-    times, before = seen._client.times, dict(seen._client.times)
+    times, before = seen.client.times, dict(seen.client.times)
     tree.place(IDENTITY)
     tree.bend({"to_b": 0.1, "to_c": 0.2 + 1e-9, "to_d": 0.31})
     seen.nodes()

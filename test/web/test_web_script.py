@@ -203,7 +203,7 @@ def test_a_client_without_a_browser_sees_and_sets(small):
         client.press("Reset")
         client.wait_for(lambda: client.value(SLIDER) == 0.0, "the reset")
         small.name.remove()
-        client.wait_for(lambda: not client._labelled("Name"), "the removal")
+        client.wait_for(lambda: not client.find("Name"), "the removal")
 
 
 def test_a_client_vanishes_and_is_told_of_an_end(small):

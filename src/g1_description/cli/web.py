@@ -36,7 +36,7 @@ from g1_description.robot.load import read_description
 from g1_description.web.file_world import FileWorld, StillRobot
 from g1_description.web.library import REPORTS, Library
 from g1_description.web.server.address import ServerOptions
-from g1_description.web.show import Show, tell_address
+from g1_description.web.show import Show, report_address
 
 
 @dataclass(frozen=True)
@@ -192,7 +192,7 @@ def web(args: WebOptions) -> None:
         )
         for (file, motion), robot in zip(motions, world.robots):
             show.page.motion.open(file.name, robot, motion)
-        tell_address(show, server, notify)
+        report_address(show, server, notify)
         show.run()
 
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Callable
 
@@ -13,29 +12,24 @@ from g1_description.errors import G1DescriptionError, InvalidValueError
 from g1_description.motion.history import CommandStream, HistoryPart
 from g1_description.motion.motion import Motion
 from g1_description.robot.state import RobotState
-from g1_description.web.check_thread import CheckThread
 from g1_description.web.findings_panel import FindingList, plain
 from g1_description.web.motion_panel import MotionPanel
-from g1_description.web.robot import ShownRobot, ShownWorld
+from g1_description.web.panel import Key, PageContext, Panel
+from g1_description.web.robot import ShownRobot
 from g1_description.web.saved_motions import check_file_name, folder, save_motion
-from g1_description.web.ui_loop import Lane, UiLoop
+from g1_description.web.timeline import SECOND, Timeline
+from g1_description.web.ui_loop import Lane
 
 if TYPE_CHECKING:
-    from viser import GuiApi, GuiMarkdownHandle
+    from viser import GuiFolderHandle
 
     from g1_description.ros.history import HistoryClient
-
-SECOND = 1_000_000_000
-"""In [ns]."""
 
 LENGTHS = ("5", "10", "30", "60", "300", "600")
 """Lengths of the time line to choose from, in [s]."""
 
 STEP = 0.001
 """Step of the time line, in [s]."""
-
-PERIOD = 0.1
-"""Period of updates of the text, in [s]."""
 
 BEFORE, AFTER = 10 * SECOND, SECOND
 """Commands are listed from this time before the shown one to that after it: a motion
@@ -45,74 +39,32 @@ MAX_LINES = 12
 """Largest number of listed commands."""
 
 
-@dataclass(eq=False)
-class Timeline:
-    """A part of the past of a robot; it stays as it is while time goes on."""
-
-    robot: ShownRobot
-    run: int
-    """Number of the run; 0: the newest, until a state of it is known."""
-
-    end: int
-    """Its right end, in [ns]; 0: that of the run, until it is known."""
-
-    left_at: int
-    """When the page left the present, or the end of an earlier run, in [ns]."""
-
-    wanted: int = 0
-    """The time that was last asked for, in [ns]."""
-
-    state: RobotState | None = None
-    """The shown state, once it is known."""
-
-    before: RobotState | None = None
-    """One shortly before it, if there is one."""
-
-    is_newest: bool = True
-    """Whether there was no later run when the state was asked for."""
-
-
-class HistoryPanel:
+class HistoryPanel(Panel):
     """Shows the past of one robot, in all browsers; the robot is not commanded."""
 
-    def __init__(
-        self,
-        gui: GuiApi,
-        ui: UiLoop,
-        world: ShownWorld,
-        checks: CheckThread,
-        motion: MotionPanel,
-        told: GuiMarkdownHandle,
-    ) -> None:
-        """Add the panel.
+    def __init__(self, page: PageContext, head: GuiFolderHandle) -> None:
+        """Add the panel where the GUI is.
 
         Args:
-            gui: Where to.
-            ui: Runs the actions.
-            world: The robots, which have a history.
-            checks: Checks motions.
-            motion: Plays motions, which end where a robot is put to a past state.
-            told: Says that the past is shown.
+            page: What it shares with others.
+            head: Has the line that names the shown time.
         """
-        self._ui, self._world, self._checks = ui, world, checks
-        self._motion, self._told = motion, told
-        self._robots = {robot.name: robot for robot in world.robots}
+        self._head = head
+        super().__init__(page)
+
+    def build(self) -> None:
+        """Add the elements."""
+        gui, ui = self.gui, self.ui
+        self._robots = {robot.name: robot for robot in self.world.robots}
         self._lane = Lane(ui)
         self.shown: Timeline | None = None
-        """What is shown, with its state; None: the present."""
-        self._wanted: Timeline | None = None
-        """What is shown or has been asked for."""
-        self._looked = 0.0
-        self._add(gui)
-        self._checked = Timeline(world.robots[0], 0, 0, 0)
+        """The time line that is shown, with its state; None: the present."""
+        self._requested: Timeline | None = None
+        """The one that is shown, or will be."""
+        self._checked: Timeline | None = None
         """The one that was checked last."""
-        self._findings = FindingList(
-            gui, ui, lambda at: self._jump(self._checked, at), False
-        )
-
-    def _add(self, gui: GuiApi) -> None:
-        """Add the elements."""
-        ui = self._ui
+        with self._head:
+            self._when = gui.add_markdown("")
         self._whose = gui.add_dropdown(
             "History of", [*self._robots], visible=len(self._robots) > 1
         )
@@ -135,21 +87,21 @@ class HistoryPanel:
         )
         self._steps = gui.add_button_group("State", ["-1 s", "-1", "+1", "+1 s"])
         live = gui.add_button("Live", hint="show the robot as it is now")
+        check = gui.add_button("Check this range", hint="the time line")
+        self._name = gui.add_text(
+            "File name", "history", hint="a motion; a bag if it ends in .bag"
+        )
+        save = gui.add_button("Save this range", hint=f"into {folder()}")
         start = gui.add_button(
             "Start here",
             color="orange",
             hint="put the robot to the shown state, at rest; physics does not go on "
             "from there to the last bit",
         )
-        check = gui.add_button("Check this range", hint="the time line")
-        self._name = gui.add_text(
-            "File name", "history", hint="a motion; a bag if it ends in .bag"
-        )
-        save = gui.add_button("Save this range", hint=f"into {folder()}")
-        self._problem = gui.add_markdown("", visible=False)
         self.found = gui.add_markdown("")
-        """What is found at the shown time."""
+        """The findings at the shown time."""
         self._list = gui.add_markdown("")
+        self._findings = FindingList(gui, ui, self._jump, False)
         ui.on(self._whose, self.live)
         ui.on(self._runs, self._choose_run)
         ui.on(self._length, self._set_length)
@@ -159,6 +111,22 @@ class HistoryPanel:
         ui.on(start, self._start)
         ui.on(check, self._check)
         ui.on(save, self._save)
+
+    def hotkeys(self) -> list[Key]:
+        """List its keys; the arrows step through the open motion in the present."""
+        motion = self.page.get(MotionPanel)
+
+        def step(way: str) -> None:
+            if self.shown is None:
+                motion.step(way)
+            else:
+                self.step(way)
+
+        return [
+            Key("←", "one sample back", lambda: step("-1"), "arrowleft"),
+            Key("→", "one sample on", lambda: step("+1"), "arrowright"),
+            Key("L", "back from the past to live", self.live, "L"),
+        ]
 
     # --- what is shown ---
 
@@ -174,27 +142,18 @@ class HistoryPanel:
 
     def live(self) -> None:
         """Show the robot as it is now."""
-        self.shown = self._wanted = None
+        self.shown = self._requested = None
         self._back.value = 0.0
         self._list.content = self.found.content = ""
-        self._tell("")
+        self.report("")
 
-    def follow(self) -> None:
-        """Say which time is shown."""
-        now = time.monotonic()
-        if now < self._looked + PERIOD:
-            return
-        self._looked = now
+    def update(self) -> None:
+        """Show which time is shown, in one line: nothing moves."""
         text, line = "**Live**", self.shown
-        if line is not None and line.state is not None:
-            newest, when = line.robot.state(), f"{line.state.time:.3f} s"
-            is_later = newest is not None and newest.stamp >= line.left_at
-            if not (line.is_newest and is_later):
-                when = f"run {line.run}, {when}"
+        if line is not None:
             whose = f" of {plain(line.robot.name)}" if len(self._robots) > 1 else ""
-            text = f"**Past{whose}:** {when}, *key L: live*"
-        if self._told.content != text:  # which is always one line: nothing moves
-            self._told.content = text
+            text = f"**Past{whose}:** {line.title(line.robot.state())}, *key L: live*"
+        self._when.content = text
 
     @property
     def _robot(self) -> ShownRobot:
@@ -207,43 +166,37 @@ class HistoryPanel:
         self._show_place()
 
     def _show_place(self) -> None:
-        """Move the handle to the shown time, and the time line if that is beyond it."""
-        line = self.shown
-        if line is None or line.state is None:
-            return
-        at = line.state.stamp
-        if not line.end - self.length <= at <= line.end:
-            line.end = min(at + self.length // 2, line.left_at)
-        back = 1e-9 * (at - line.end)
-        self._back.value = round(min(max(back, -1e-9 * self.length), 0.0), 3)
+        """Move the handle to the shown time."""
+        if self.shown is not None:
+            self._back.value = self.shown.back(self.length)
 
     # --- going back ---
 
     def _line(self) -> Timeline:
-        """Return what is shown or asked for, else a time line that ends now.
+        """Return the time line that is shown or requested, else one that ends now.
 
         Raises:
             InvalidValueError: If there is no state yet.
         """
-        if self._wanted is not None:
-            return self._wanted
+        if self._requested is not None:
+            return self._requested
         state = self._robot.state()
         if state is None:
             raise InvalidValueError(
                 f"No state of {self._robot.name} has been received yet."
             )
-        return Timeline(self._robot, 0, state.stamp, state.stamp, state.stamp)
+        return Timeline.until_now(self._robot, state.stamp)
 
     def _dragged(self) -> None:
         """Show the time at the handle."""
-        back, line = float(self._back.value), self._wanted
+        back, line = float(self._back.value), self._requested
         back = min(max(back, -1e-9 * self.length), 0.0)
-        is_end_now = line is None or (line.is_newest and line.end == line.left_at)
-        if not back < 0.0 and is_end_now:
+        if not back < 0.0 and (line is None or line.ends_live):
             self.live()
             return
         line = self._line()
-        self._show(line, line.end + round(SECOND * back), is_dragged=True)
+        end = line.end or 0
+        self._show(line, end + round(SECOND * back), is_dragged=True)
 
     def step(self, way: str) -> None:
         """Show the previous (``-1``) or next (``+1``) state, or that a second away.
@@ -251,43 +204,43 @@ class HistoryPanel:
         Raises:
             InvalidValueError: If there is no state yet.
         """
-        if self._wanted is None and way.startswith("+"):
+        if self._requested is None and way.startswith("+"):
             return  # there is nothing later
         line = self._line()
         if way == "+1":
-            state = line.state
-            if state is not None and state.stamp < line.left_at:
-                at, end = state.stamp, line.left_at
+            state, end = line.state, line.left_at
+            if state is not None and end is not None and state.stamp < end:
+                at = state.stamp
                 self._fetch(line, lambda history, run: history.after(at, end, run))
             return
         shift = {"-1": -1, "-1 s": -SECOND}.get(way, SECOND)
-        self._show(line, min(line.wanted + shift, line.left_at))
+        self._show(line, line.limited((line.requested or 0) + shift))
 
     def go_to(self, robot: ShownRobot, at: float) -> None:
         """Show a robot at a past time, in [s]; another one only if none is shown."""
-        if self._wanted is None:
+        if self._requested is None:
             self._whose.value = robot.name
         line = self._line()
-        self._show(line, min(round(SECOND * at), line.left_at))
+        self._show(line, line.limited(round(SECOND * at)))
 
-    def _jump(self, line: Timeline, at: float) -> None:
-        """Show a time of a time line that was checked, in [s]."""
-        self._whose.value = line.robot.name
-        self._show(replace(line, state=None, before=None), round(SECOND * at))
+    def _jump(self, at: float) -> None:
+        """Show a time of the time line that was checked, in [s]."""
+        line = self._checked
+        if line is not None:
+            self._whose.value = line.robot.name
+            self._show(replace(line, state=None, before=None), round(SECOND * at))
 
     def _choose_run(self) -> None:
         """Show the last state of a run."""
-        run = int(self._runs.value)
-        line = Timeline(self._robot, run, 0, 0)
 
         def last(history: HistoryClient, run: int) -> HistoryPart:
             return history.at(history.part(run=run, max_states=1).last, run)
 
-        self._fetch(line, last)
+        self._fetch(Timeline(self._robot, int(self._runs.value)), last)
 
     def _show(self, line: Timeline, stamp: int, is_dragged: bool = False) -> None:
         """Show the last state that is not later than a time, or the first one."""
-        line.wanted = stamp
+        line.requested = stamp
         self._fetch(line, lambda history, run: history.at(stamp, run), is_dragged)
 
     def _fetch(
@@ -297,12 +250,12 @@ class HistoryPanel:
         is_dragged: bool = False,
     ) -> None:
         """Request a state; a newer request replaces it."""
-        self._wanted, wanted = line, line.wanted
+        self._requested, requested = line, line.requested
 
         def fetch() -> Callable[[], object]:
             try:
                 history = _history(line.robot)
-                part = ask(history, line.run)
+                part = ask(history, line.run or 0)
                 stamp = int(part.stretch.stamps[-1])
                 span = max(stamp - BEFORE, 1), stamp + AFTER
                 run = part.stretch.run
@@ -310,54 +263,42 @@ class HistoryPanel:
             except G1DescriptionError as error:
                 return partial(self._fail, line, str(error))
             commands = around.commands
-            return partial(self._arrived, line, wanted, part, commands, is_dragged)
+            return partial(self._arrived, line, requested, part, commands, is_dragged)
 
-        self._ui.calls.do(fetch, lambda show: show(), key=self)
+        self.ui.calls.do(fetch, lambda show: show(), key=self)
 
     def _fail(self, line: Timeline, problem: str) -> None:
-        """Tell why a state cannot be shown; what is shown stays."""
-        if self._wanted is line:
-            self._wanted = self.shown
+        """Report why a state cannot be shown; the shown one stays."""
+        if self._requested is line:
+            self._requested = self.shown
             self._show_place()
             if self.shown is None:
                 self.live()
-            self._tell(problem)
+            self.report(problem)
 
     def _arrived(
         self,
         line: Timeline,
-        wanted: int,
+        requested: int | None,
         part: HistoryPart,
         commands: Sequence[CommandStream],
         is_dragged: bool,
     ) -> None:
         """Show a state; that of a time line that was left meanwhile is dropped."""
-        if self._wanted is not line:
+        if self._requested is not line:
             return
-        states = part.stretch.states()
-        line.state, line.before = states[-1], states[0] if states[1:] else None
-        if line.wanted == wanted:
-            line.wanted = line.state.stamp
-        line.run, line.is_newest = part.stretch.run, part.stretch.run == part.last_run
-        if not line.left_at:
-            line.end = line.left_at = part.last
+        line.take(part, requested)
         self.shown = line
         runs = tuple(str(run) for run in range(part.first_run, part.last_run + 1))
-        if tuple(self._runs.options) != runs:
-            self._runs.options = runs
+        self._runs.options = runs
         self._runs.value = str(line.run)
         self._runs.visible = len(runs) > 1
         if not is_dragged:
             self._show_place()
         self._list.content = commands_text(commands)
-        is_before = 0 < wanted < part.first
+        is_before = requested is not None and requested < part.first
         begin = f"The history of run {line.run} begins at {1e-9 * part.first:.3f} s."
-        self._tell(begin if is_before else "")
-
-    def _tell(self, problem: str) -> None:
-        """Show a problem, or none."""
-        self._problem.content = plain(problem)
-        self._problem.visible = bool(problem)
+        self.report(begin if is_before else "")
 
     # --- what is done with it ---
 
@@ -366,19 +307,19 @@ class HistoryPanel:
         line = self.shown
         if line is None or line.state is None:
             raise InvalidValueError("Go back to a past state first.")
-        self._ui.calls.do(
+        self.ui.calls.do(
             partial(self._place, line.robot, line.state), lambda _: self.live()
         )
 
     def _place(self, robot: ShownRobot, state: RobotState) -> None:
         """Put a robot to a state, and end a motion of this page."""
-        player, simulator = self._motion.player, self._world.simulator
+        player, simulator = self.page.get(MotionPanel).player, self.world.simulator
         if player is not None and player.is_running:
             player.pause()
         positions = state.positions_by_name
         if simulator is not None and not simulator.is_kinematic:
             simulator.place(robot.name, state)
-            self._ui.tell(
+            self.ui.notify(
                 "The robot begins there at rest; physics does not go on as it did to "
                 "the last bit."
             )
@@ -388,11 +329,10 @@ class HistoryPanel:
             robot.command_all(positions, state.base_pose)
 
     def _whole(self) -> tuple[Timeline, Callable[[], HistoryPart]]:
-        """Return the time line as it is now, and what asks for all of its states."""
-        line, length = replace(self._line()), self.length
-        begin = max(line.end - length, 1)
-        history = _history(line.robot)
-        return line, lambda: history.whole(begin, line.end, line.run)
+        """Return the time line as it is now, and a call that gets all of its states."""
+        line, history = replace(self._line()), _history(self._line().robot)
+        span = line.begin(self.length), line.end or 0, line.run or 0
+        return line, lambda: history.whole(*span)
 
     def past_motion(self) -> tuple[ShownRobot, Motion] | None:
         """Return the time line with simulated times; None: the present is shown.
@@ -408,25 +348,25 @@ class HistoryPanel:
     def _check(self) -> None:
         """Check the time line."""
         line, ask = self._whole()
-        begin, end = 1e-9 * max(line.end - self.length, 0), 1e-9 * line.end
-        self._findings.begin(f"{begin:.1f} s to {end:.1f} s")
+        begin, end = line.begin(self.length), line.end or 0
+        self._findings.begin(f"{1e-9 * begin:.1f} s to {1e-9 * end:.1f} s")
 
         def motion() -> Motion:
             try:
                 part = ask()
                 line.run = part.stretch.run
                 if part.note:
-                    self._ui.tell(part.note)
+                    self.ui.notify(part.note)
                 return _timed(part)
             except G1DescriptionError:
-                self._ui.post((self, "failed"), self._findings.fail)
+                self.ui.post((self, "failed"), self._findings.fail)
                 raise
 
         def check(found: Motion) -> None:
             span = found.times[0], found.times[-1]
             show = partial(self._show_verdict, line, span)
             fail = self._findings.fail
-            self._checks.check_motion(self, line.robot, found, show, fail)
+            self.page.checks.check_motion(self, line.robot, found, show, fail)
 
         self._lane.do(motion, check)
 
@@ -448,7 +388,7 @@ class HistoryPanel:
             motion, begin = part.stretch.motion(), int(part.stretch.stamps[0])
             file = save_motion(name, motion, line.robot.description, begin)
             text = f"Saved {file}, {motion.duration:.2f} s. {part.note}"
-            self._ui.tell(text.strip(), "green")
+            self.ui.notify(text.strip(), "green")
 
         self._lane.do(save)
 

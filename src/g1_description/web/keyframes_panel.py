@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,7 +15,6 @@ from g1_description.ik.keyframes import (
     KeyframeMotion,
     keyframe_pieces,
 )
-from g1_description.ik.posing import Posing
 from g1_description.motion.motion import Motion
 from g1_description.robot.poses import (
     Pose,
@@ -27,16 +25,12 @@ from g1_description.robot.poses import (
     user_file,
 )
 from g1_description.web.controls import known
-from g1_description.web.findings_panel import plain
 from g1_description.web.motion_panel import MotionPanel
-from g1_description.web.robot import ShownRobot
+from g1_description.web.panel import Key, RobotPanel
+from g1_description.web.reach_panel import ReachPanel
 from g1_description.web.saved_motions import folder, save_motion
-from g1_description.web.ui_loop import Lane, UiLoop
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from viser import GuiApi
+from g1_description.web.shown import Shown
+from g1_description.web.ui_loop import Lane
 
 NONE = "none"
 """Entry of the list while there are no keyframes."""
@@ -49,68 +43,50 @@ ADD, REPLACE, DELETE, SHOW = "Add", "Replace", "Delete", "Show"
 MOTION, POSES = "Motion", "Poses"
 
 
-class KeyframesPanel:
+class KeyframesPanel(RobotPanel):
     """Adds keyframes of one robot, and makes motions of them."""
 
-    def __init__(
-        self,
-        gui: GuiApi,
-        ui: UiLoop,
-        robot: ShownRobot,
-        posing: Posing,
-        motion: Callable[[], MotionPanel],
-    ) -> None:
-        """Add the panel.
+    title = "Keyframes"
 
-        Args:
-            gui: Where to.
-            ui: Runs the actions.
-            robot: The robot.
-            posing: Knows where it is, and moves it.
-            motion: Returns what plays and checks the motion.
-        """
-        self._gui, self._ui, self._robot = gui, ui, robot
-        self._posing, self._motion = posing, motion
+    @classmethod
+    def fits(cls, shown: Shown) -> bool:
+        """Return whether the robot can be posed."""
+        return ReachPanel.fits(shown)
+
+    def build(self) -> None:
+        """Add the elements."""
+        gui, ui = self.gui, self.ui
         self.frames: list[Keyframe] = []
         """In the order of their times, the first at 0."""
         self._row = 0
         """The selected one."""
         self._made: Motion | None = None
         self._lane = Lane(ui)
-        self.saved: Callable[[], object] = lambda: None
-        """Called when poses are saved."""
-        self._feet = [posing.roles[foot] for foot in posing.feet]
-        self._add()
-
-    def _add(self) -> None:
-        """Add the elements."""
-        gui, ui = self._gui, self._ui
-        with gui.add_folder("Keyframes", expand_by_default=False):
-            self._change = gui.add_button_group(
-                "Keyframe",
-                [ADD, REPLACE, DELETE, SHOW],
-                hint="the present configuration as the next one, or the selected one",
-            )
-            self._selected = gui.add_dropdown("Selected", [NONE])
-            self._seconds = gui.add_number(
-                "Seconds before",
-                1.0,
-                min=PERIOD,
-                max=MAX_SECONDS,
-                step=0.1,
-                hint="from the keyframe before to this one, and to the next one",
-            )
-            self._bar = gui.add_multi_slider(
-                "Times", 0.0, 1.0, PERIOD, (0.0, 1.0), visible=False
-            )
-            self._way = gui.add_dropdown(
-                "Interpolation", [STOP, PASS], hint="from rest to rest, or smoothly on"
-            )
-            self._name = gui.add_text("Save as", "keyframes", hint="of what is saved")
-            self._save = gui.add_button_group(
-                "Save", [MOTION, POSES], hint=f"into {folder()}, or {user_file()}"
-            )
-            self._told = gui.add_markdown("", visible=False)
+        self._motion = self.page.get(MotionPanel)
+        self._change = gui.add_button_group(
+            "Keyframe",
+            [ADD, REPLACE, DELETE, SHOW],
+            hint="the present configuration as the next one, or the selected one",
+        )
+        self._selected = gui.add_dropdown("Selected", [NONE])
+        self._seconds = gui.add_number(
+            "Seconds before",
+            1.0,
+            min=PERIOD,
+            max=MAX_SECONDS,
+            step=0.1,
+            hint="from the keyframe before to this one, and to the next one",
+        )
+        self._bar = gui.add_multi_slider(
+            "Times", 0.0, 1.0, PERIOD, (0.0, 1.0), visible=False
+        )
+        self._way = gui.add_dropdown(
+            "Interpolation", [STOP, PASS], hint="from rest to rest, or smoothly on"
+        )
+        self._name = gui.add_text("Save as", "keyframes", hint="of what is saved")
+        self._save = gui.add_button_group(
+            "Save", [MOTION, POSES], hint=f"into {folder()}, or {user_file()}"
+        )
         ui.on(self._change, lambda: self.change(self._change.value))
         ui.on(self._selected, self._select)
         ui.on(self._seconds, self._set_seconds)
@@ -118,20 +94,24 @@ class KeyframesPanel:
         ui.on(self._way, self._make)
         ui.on(self._save, lambda: self.save(self._save.value))
 
-    def change(self, what: str) -> None:
+    def hotkeys(self) -> list[Key]:
+        """List its keys."""
+        return [Key("K", "add a keyframe", lambda: self.change(ADD), "K")]
+
+    def change(self, kind: str) -> None:
         """Add, replace, delete or show a keyframe.
 
         Raises:
             InvalidValueError: If there is none, or the state of the robot is unknown.
         """
         frames, row = self.frames, self._row
-        if what == ADD:
+        if kind == ADD:
             self._add_present()
         elif not frames:
             raise InvalidValueError("There is no keyframe: add one first.")
-        elif what == REPLACE:
-            frames[row] = Keyframe(frames[row].time, *self._posing.place())
-        elif what == SHOW:
+        elif kind == REPLACE:
+            frames[row] = Keyframe(frames[row].time, *self.shown.posing.place())
+        elif kind == SHOW:
             self._show()
             return
         else:
@@ -141,7 +121,7 @@ class KeyframesPanel:
 
     def _add_present(self) -> None:
         """Add the robot as it is as the keyframe after the selected one."""
-        placed, seconds = self._posing.place(), self._valid_seconds()
+        placed, seconds = self.shown.posing.place(), self._valid_seconds()
         if not self.frames:
             self.frames = [Keyframe(0.0, *placed)]
             return
@@ -169,14 +149,14 @@ class KeyframesPanel:
         """Move the robot to the selected keyframe."""
         frame = self.frames[self._row]
         if self._made is not None and self._is_open:
-            self._motion().jump(frame.time)
+            self._motion.jump(frame.time)
         else:
-            self._posing.go((frame.positions, frame.base))
+            self.shown.posing.go((frame.positions, frame.base))
 
     @property
     def _is_open(self) -> bool:
         """Whether the motion through the keyframes is the robot's open one."""
-        return self._motion().motions.get(self._robot) is self._made
+        return self._motion.motions.get(self.robot) is self._made
 
     def _select(self) -> None:
         """Select a keyframe, and show it."""
@@ -239,67 +219,64 @@ class KeyframesPanel:
         """Make the motion through the keyframes, which takes a while."""
         self._lane.cancel("motion")
         self._made = None
-        self._tell("")
+        self.report("")
         if len(self.frames) > 1:
-            robot, inverse = self._robot.description, self._posing.inverse
+            robot, inverse = self.robot.description, self.shown.posing.inverse
+            roles, feet = self.shown.posing.roles, self.shown.posing.feet
             frames, way = [*self.frames], str(self._way.value)
-            pieces = keyframe_pieces(robot, inverse, self._feet, frames, way)
+            links = [roles[foot] for foot in feet]
+            pieces = keyframe_pieces(robot, inverse, links, frames, way)
             self._lane.go_through(pieces, self._open, "motion")
 
     def _open(self, made: KeyframeMotion) -> None:
         """Open the motion: its time line and checks."""
-        asked = [frame.time for frame in self.frames]
-        slow = [n for n, (a, b) in enumerate(zip(asked, made.times)) if b - a > 1e-6]
+        pairs = zip((frame.time for frame in self.frames), made.times)
+        slow = [row for row, (old, new) in enumerate(pairs) if new - old > 1e-6]
         self.frames = [f._replace(time=t) for f, t in zip(self.frames, made.times)]
         if slow:
             self._show_frames()
-            self._tell(
+            self.report(
                 f"Keyframe {slow[0] + 1} is later than set: the velocity limits of the "
                 "joints need more time."
             )
         self._made = made.motion
         name = self._name.value.strip() or "keyframes"
         at = self.frames[self._row].time
-        self._motion().open(name, self._robot, made.motion, at)
-
-    def _tell(self, text: str) -> None:
-        """Show a sentence, or none."""
-        self._told.content = plain(text)
-        self._told.visible = bool(text)
+        self._motion.open(name, self.robot, made.motion, at)
 
     # --- saving ---
 
-    def save(self, what: str) -> None:
+    def save(self, kind: str) -> None:
         """Save the motion, or the keyframes as poses.
 
         Raises:
             G1DescriptionError: If there is nothing to save, or it cannot be written.
         """
         name = self._name.value.strip()
-        if what == MOTION:
+        if kind == MOTION:
             if self._made is None:
                 raise InvalidValueError(
                     "There is no motion: add two keyframes, or wait until it is made."
                 )
-            file = save_motion(name, self._made, self._robot.description)
-            self._ui.tell(f"Saved {file}.", "green")
+            file = save_motion(name, self._made, self.robot.description)
+            self.ui.notify(f"Saved {file}.", "green")
             return
         if not self.frames:
             raise InvalidValueError("There is no keyframe: add one first.")
         check_name(name)
         names = [f"{name}_{number}" for number in range(1, len(self.frames) + 1)]
         file = user_file()
-        used = {*read_poses(self._robot.description)}
+        used = {*read_poses(self.robot.description)}
         used |= {*read_file(file)} if file.exists() else set()
         taken = [one for one in names if one in used]
         if taken:
             raise InvalidValueError(
                 f"The pose {taken[0]} already exists: choose another name."
             )
-        joints = [joint.name for joint in self._robot.description.movable_joints]
+        joints = [joint.name for joint in self.robot.description.movable_joints]
         for one, frame in zip(names, self.frames):
             positions = dict(zip(joints, frame.positions.tolist()))
-            pose = Pose(one, known(positions, self._robot), "keyframe of the browser")
+            pose = Pose(one, known(positions, self.robot), "keyframe of the browser")
             save_pose(pose, user_file())
-        self.saved()
-        self._ui.tell(f"Saved {names[0]} to {names[-1]} in {user_file()}.", "green")
+        self.page.refresh()
+        self.ui.notify(f"Saved {names[0]} to {names[-1]} in {user_file()}.", "green")

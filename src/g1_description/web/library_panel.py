@@ -10,7 +10,7 @@ from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from g1_description.checks.verdict import FAILED, PASSED, WARNING, Verdict
+from g1_description.checks.verdict import FAILED, PASSED, WARNING
 from g1_description.errors import InvalidValueError
 from g1_description.motion.motion import Motion
 from g1_description.motion.selection import EXCLUDE, KEEP, UNDECIDED
@@ -26,11 +26,11 @@ from g1_description.web.library import (
     View,
 )
 from g1_description.web.motion_panel import MotionPanel
-from g1_description.web.robot import ShownRobot, ShownWorld
-from g1_description.web.ui_loop import Lane, UiLoop
+from g1_description.web.panel import Key, PageContext, Panel
+from g1_description.web.ui_loop import Lane
 
 if TYPE_CHECKING:
-    from viser import GuiApi
+    from viser import GuiFolderHandle
 
 ROWS = 8
 """Rows of the list on one of its pages."""
@@ -63,45 +63,38 @@ STYLE = """<style>
 </style>"""
 
 
-class LibraryPanel:
+class LibraryPanel(Panel):
     """Lists motions, opens them, and writes down what becomes of them."""
 
     def __init__(
-        self,
-        gui: GuiApi,
-        ui: UiLoop,
-        world: ShownWorld,
-        library: Library,
+        self, page: PageContext, library: Library, head: GuiFolderHandle
     ) -> None:
-        """Add what is there whatever tab is in front.
+        """Add the panel where the GUI is, and open its first motion.
 
         Args:
-            gui: Where to.
-            ui: Does what a person wants.
-            world: Reads motions, for its first robot.
+            page: What it shares with others; its first robot gets the motions.
             library: The motions.
+            head: Has what is there whatever tab is in front.
         """
-        self._gui, self._ui, self._world = gui, ui, world
-        self._library, self._lane = library, Lane(ui)
-        self._robot: ShownRobot = world.robots[0]
+        self._library, self._head = library, head
+        super().__init__(page)
+
+    def build(self) -> None:
+        """Add the elements."""
+        gui, ui = self.gui, self.ui
+        self._lane, self._motion = Lane(ui), self.page.get(MotionPanel)
+        self._robot = self.world.robots[0]
         self._listed: list[Entry] = []
         self._open: Entry | None = None
+        self._read: tuple[Entry, Motion] | None = None
+        """The motion that was read last."""
         self._first = 0
         """Number of the first row that is shown."""
-        self._title = gui.add_markdown("")
-        walk = gui.add_button_group("Motion", ["Previous", "Next"], hint="keys P, N")
-        choices = ["Keep", "Exclude", "Undecided"]
-        decide = gui.add_button_group("Choice", choices, hint="keys K, X")
-        ui.on(walk, lambda: self.step(walk.value))
-        ui.on(decide, lambda: self.choose(decide.value.lower()))
-
-    def add_list(self, motion: MotionPanel) -> None:
-        """Add the list, and open its first motion.
-
-        Args:
-            motion: Shows the open motion.
-        """
-        gui, self._motion = self._gui, motion
+        with self._head:
+            self._title = gui.add_markdown("")
+            walk = gui.add_button_group("Motion", ["Previous", "Next"], hint="P, N")
+            choices = ["Keep", "Exclude", "Undecided"]
+            decide = gui.add_button_group("Choice", choices, hint="K, X")
         self._note = gui.add_text("Note", "")
         self._plays = gui.add_checkbox("Play at once", True)
         with gui.add_folder("Sort and filter", expand_by_default=False):
@@ -117,14 +110,25 @@ class LibraryPanel:
         self._picture = gui.add_html("")
         looks = (self._sort, self._reversed, self._text)
         for element in (*looks, self._result, self._check, self._choice):
-            self._ui.on(element, self._arrange)
-        self._ui.on(self._note, self._noted)
-        self._ui.on(self._pick, self._picked)
-        self._ui.on(self._turn, self._turned)
-        motion.checked = self._checked
+            ui.on(element, self._arrange)
+        ui.on(walk, lambda: self.step(walk.value))
+        ui.on(decide, lambda: self.choose(decide.value.lower()))
+        ui.on(self._note, self._noted)
+        ui.on(self._pick, self._picked)
+        ui.on(self._turn, self._turned)
         self._arrange()
         if self._listed:
             self._show(self._listed[0])
+
+    def hotkeys(self) -> list[Key]:
+        """List its keys."""
+        step, choose = self.step, self.choose
+        return [
+            Key("N", "open the next motion", lambda: step("Next"), "N"),
+            Key("P", "open the previous one", lambda: step("Previous"), "P"),
+            Key("K", "keep the open motion", lambda: choose(KEEP), "K"),
+            Key("X", "exclude the open motion", lambda: choose(EXCLUDE), "X"),
+        ]
 
     # --- the list ---
 
@@ -225,7 +229,7 @@ class LibraryPanel:
         self._open = entry
         self._note.value = self._library.note(entry)
         self._find_open()
-        read = partial(self._world.read, entry.path, self._robot, None)
+        read = partial(self.world.read, entry.path, self._robot, None)
         self._lane.do(read, partial(self._opened, entry), "motion")
         picture = partial(_image, entry.picture, PICTURE)
         self._lane.do(picture, self._show_picture, "picture")
@@ -238,14 +242,19 @@ class LibraryPanel:
     def _opened(self, entry: Entry, motion: Motion) -> None:
         """Show a motion that was read, unless another one was chosen meanwhile."""
         if entry is self._open:
+            self._read = entry, motion
             self._motion.open(entry.name, self._robot, motion)
             if self._plays.value:
                 self._motion.play()
 
-    def _checked(self, name: str, verdict: Verdict) -> None:
-        """Learn what the page found in a motion that the report does not have."""
-        entry = self._open
-        if entry is not None and entry.name == name and not entry.figures:
+    def update(self) -> None:
+        """Take over what the page found in a motion that the report does not have."""
+        if self._read is None:
+            return
+        (entry, motion), robot = self._read, self._robot
+        verdict = self._motion.verdicts.get(robot)
+        is_open = self._motion.motions.get(robot) is motion
+        if is_open and verdict is not None and not entry.figures:
             entry.learn(verdict)
             self._draw()
 
@@ -269,7 +278,7 @@ class LibraryPanel:
         if entry is None:
             raise InvalidValueError("No motion is open.")
         act = partial(self._library.choose, entry, choice, note)
-        self._ui.calls.do(act, lambda _: self._draw())
+        self.ui.calls.do(act, lambda _: self._draw())
 
 
 def _figures(entry: Entry) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 import time
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path, PureWindowsPath
 from secrets import token_hex
@@ -15,24 +14,17 @@ from typing import TYPE_CHECKING
 from g1_description.checks.verdict import Verdict
 from g1_description.errors import InvalidValueError, MotionError
 from g1_description.motion.motion import Motion
-from g1_description.web.check_thread import CheckThread
-from g1_description.web.controls import EditGuard
 from g1_description.web.findings_panel import FindingList, plain
-from g1_description.web.robot import Player, ShownRobot, ShownWorld
-from g1_description.web.ui_loop import Lane, UiLoop
+from g1_description.web.panel import Key, Panel
+from g1_description.web.robot import Player, ShownRobot
+from g1_description.web.ui_loop import Lane
 
 if TYPE_CHECKING:
-    from viser import GuiApi, UploadedFile
+    from viser import UploadedFile
 
 
 STEP = 0.001
 """Step of the time line, in [s]."""
-
-PERIOD = 0.1
-"""Period of updates of the time line, in [s]."""
-
-HELD = 0.4
-"""Time for which an edited time line is not updated, in [s]."""
 
 REST = 1.0
 """Pause before a motion is repeated, in [s]."""
@@ -46,51 +38,23 @@ SUFFIX = re.compile(r"(\.[A-Za-z0-9]{1,10}){0,2}$")
 """End of a file's name that readers look at."""
 
 
-class MotionPanel:
+class MotionPanel(Panel):
     """Opens, plays and checks motions."""
 
-    def __init__(
-        self,
-        gui: GuiApi,
-        ui: UiLoop,
-        world: ShownWorld,
-        checks: CheckThread,
-        read_only: bool,
-    ) -> None:
-        """Add the panel.
-
-        Args:
-            gui: Where to.
-            ui: Does what a person wants.
-            world: The robots.
-            checks: Checks motions.
-            read_only: Whether motions are played in a loop, without controls.
-        """
-        self._gui, self._ui, self._world, self._checks = gui, ui, world, checks
-        self._read_only = read_only
+    def build(self) -> None:
+        """Add the elements."""
+        gui, ui, names = self.gui, self.ui, [robot.name for robot in self.world.robots]
+        self._read_only = self.page.read_only
         self.player: Player | None = None
         self.motions: dict[ShownRobot, Motion] = {}
+        """The open ones."""
         self.verdicts: dict[ShownRobot, Verdict] = {}
-        """Those of open motions, as far as they are checked."""
+        """Verdicts on open motions, as far as they are checked."""
         self._titles: dict[ShownRobot, str] = {}
-        self.opened: Callable[[], object] = lambda: None
-        """Called when a motion is opened."""
-        self.checked: Callable[[str, Verdict], object] = lambda name, verdict: None
-        """Called with the name of an open motion and its verdict."""
         self._files = Lane(ui)
-        self._guard = EditGuard(HELD)
-        self._looked = 0.0
         self._again = math.inf
         """Time of the next repetition on the monotonic clock, in [s]."""
-        self._add()
-        self._findings = {
-            robot: FindingList(gui, ui, self.jump, read_only) for robot in world.robots
-        }
-
-    def _add(self) -> None:
-        """Add the elements."""
-        gui, names = self._gui, [robot.name for robot in self._world.robots]
-        can_open = not self._read_only and self._world.can_move
+        can_open = not self._read_only and self.world.can_move
         file = gui.add_upload_button("Open a motion", visible=can_open)
         self._robot = gui.add_dropdown(
             "Robot", names, visible=can_open and len(names) > 1
@@ -115,12 +79,24 @@ class MotionPanel:
             "Speed", SPEEDS, initial_value="1", visible=False
         )
         self._loop = gui.add_checkbox("Loop", self._read_only, visible=False)
+        self._findings = {
+            robot: FindingList(gui, ui, self.jump, self._read_only)
+            for robot in self.world.robots
+        }
         file.on_upload(lambda _: self._uploaded(file.value))
-        self._ui.on(self._robot, lambda: None)
-        self._ui.on(self._line, self._moved)
-        self._ui.on(self._play, self.toggle)
-        self._ui.on(self._steps, lambda: self.step(self._steps.value))
-        self._ui.on(self._speed, self._change_speed)
+        ui.on(self._robot, lambda: None)
+        ui.on(self._line, self._moved)
+        ui.on(self._play, self.toggle)
+        ui.on(self._steps, lambda: self.step(self._steps.value))
+        ui.on(self._speed, self._change_speed)
+
+    def hotkeys(self) -> list[Key]:
+        """List its keys."""
+        return [
+            Key("Space", "play, or pause", self.toggle, "space"),
+            Key("←", "one sample back", lambda: self.step("-1"), "arrowleft"),
+            Key("→", "one sample on", lambda: self.step("+1"), "arrowright"),
+        ]
 
     # --- opening ---
 
@@ -144,7 +120,7 @@ class MotionPanel:
             try:
                 # None for the default rate, else files with times would note that it
                 # is ignored.
-                return self._world.read(path, robot, None if rate == RATE else rate)
+                return self.world.read(path, robot, None if rate == RATE else rate)
             except MotionError as error:
                 text = str(error).replace(str(path), name).replace(path.name, name)
                 raise MotionError(text) from error
@@ -166,41 +142,38 @@ class MotionPanel:
         """
         self.motions[robot] = motion
         self.verdicts.pop(robot, None)
-        player = self.player = self._world.open(robot, motion, at)
+        player = self.player = self.world.open(robot, motion, at)
         span = player.end - player.begin
         self._line.min, self._line.max = player.begin, player.begin + max(span, STEP)
-        self._guard.show(self._line, round(player.time, 3))
+        self.show(self._line, round(player.time, 3))
         for element in (self._line, self._play, self._steps, self._speed, self._loop):
             element.visible = not self._read_only
         self._line.visible = True
         self._titles[robot] = _title(name, motion)
         self._title.content = "\n\n".join(self._titles.values())
         self._findings[robot].begin(name)
-        self._checks.check_motion(
+        self.page.checks.check_motion(
             self,
             robot,
             motion,
-            partial(self._checked, name, robot, motion),
+            partial(self._checked, robot, motion),
             self._findings[robot].fail,
         )
-        self.opened()
+        self.page.refresh()
         if self._read_only:
             self._start(player.begin)
 
-    def _checked(
-        self, name: str, robot: ShownRobot, motion: Motion, verdict: Verdict
-    ) -> None:
+    def _checked(self, robot: ShownRobot, motion: Motion, verdict: Verdict) -> None:
         """Show findings, unless another motion was opened meanwhile."""
         if self.motions.get(robot) is motion and self.player is not None:
             self.verdicts[robot] = verdict
             span = self.player.begin, self.player.end
             self._findings[robot].show(verdict, span)
-            self.checked(name, verdict)
 
     @property
     def _chosen(self) -> ShownRobot:
         """The robot of the next motion."""
-        robots = {robot.name: robot for robot in self._world.robots}
+        robots = {robot.name: robot for robot in self.world.robots}
         return robots[self._robot.value]
 
     # --- playing ---
@@ -223,7 +196,7 @@ class MotionPanel:
         player = self._player
         begin = player.begin if begin >= player.end else begin
         speed, self._again = self._factor, math.inf
-        self._ui.calls.do(lambda: player.play(begin, speed))
+        self.ui.calls.do(lambda: player.play(begin, speed))
 
     @property
     def _player(self) -> Player:
@@ -235,7 +208,7 @@ class MotionPanel:
         """Play, or pause."""
         player = self._player
         if self._play.label == "Pause":  # the label when it was pressed
-            self._ui.calls.do(player.pause)
+            self.ui.calls.do(player.pause)
         else:
             self._start(player.time)
 
@@ -269,30 +242,23 @@ class MotionPanel:
         player = self._player
         self._again = math.inf
         to = min(max(to, player.begin), player.end)
-        if to != self._line.value:
-            self._line.value = to
-        self._guard.hold(self._line)
-        self._ui.calls.do(partial(player.show, to), key=self)
+        self._line.value = to  # as if a person had set it
+        self.ui.calls.do(partial(player.show, to), key=self)
 
-    def follow(self) -> None:
+    def update(self) -> None:
         """Update the time line, and repeat the motion if selected."""
         now, player = time.monotonic(), self.player
-        if player is None or now < self._looked + PERIOD:
+        if player is None:
             return
-        self._looked = now
         at, is_running = player.time, player.is_running
         if is_running and at >= player.end:
             player.rest()
             is_running = False
             self._again = now + REST if self._loop.value else math.inf
-        if now > self._again and self._loop.value and not self._ui.calls.is_busy:
+        if now > self._again and self._loop.value and not self.ui.calls.is_busy:
             self._start(player.begin)
-        label = "Pause" if is_running else "Play"
-        if self._play.label != label:
-            self._play.label = label
-        value = round(min(max(at, player.begin), player.end), 3)
-        if not self._guard.is_held(self._line):
-            self._guard.show(self._line, value)
+        self._play.label = "Pause" if is_running else "Play"
+        self.show(self._line, round(min(max(at, player.begin), player.end), 3))
 
 
 def _title(name: str, motion: Motion) -> str:

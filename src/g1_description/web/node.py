@@ -30,7 +30,7 @@ from g1_description.ros.playing import Session
 from g1_description.web.live_robot import LiveRobot
 from g1_description.web.live_simulator import LiveSimulator
 from g1_description.web.parameters import WebParameters
-from g1_description.web.show import Show, tell_address
+from g1_description.web.show import Show, report_address
 
 
 class LiveWorld:
@@ -151,5 +151,5 @@ def main() -> None:
     except rospy.ROSInterruptException:  # while waiting for the robots
         return
     at_shutdown(show.stop)
-    tell_address(show, parameters.server, lambda text: rospy.loginfo("%s", text))
+    report_address(show, parameters.server, lambda text: rospy.loginfo("%s", text))
     show.run()

@@ -12,33 +12,33 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from g1_description.checks.verdict import Verdict
-from g1_description.collisions.self_collisions import SelfCollisions
 from g1_description.errors import InvalidValueError
-from g1_description.ik.posing import roles_of
 from g1_description.motion.motion import Motion, configuration
 from g1_description.render.page import motion_page
 from g1_description.robot.state import RobotState
 from g1_description.web.check_thread import CheckThread, MakeChecker
 from g1_description.web.controls import BasePanel, JointPanel, PosePanel
 from g1_description.web.findings_panel import plain
-from g1_description.web.history_panel import HistoryPanel, Timeline
+from g1_description.web.history_panel import HistoryPanel
 from g1_description.web.keyframes_panel import KeyframesPanel
-from g1_description.web.keys import add_keys, keys_of
+from g1_description.web.keys import add_keys
 from g1_description.web.library import Library
 from g1_description.web.library_panel import LibraryPanel
 from g1_description.web.motion_panel import MotionPanel
+from g1_description.web.panel import PageContext, RobotPanel
 from g1_description.web.plots import PlotPanel
 from g1_description.web.reach_panel import ReachPanel
 from g1_description.web.robot import ShownRobot, ShownWorld
 from g1_description.web.scene.stage import Stage
 from g1_description.web.scene.tree import free_name
 from g1_description.web.shown import Shown
-from g1_description.web.simulator_panel import SimulatorPanel
+from g1_description.web.simulator_panel import SimulatorPanel, SimulatorStatus
+from g1_description.web.timeline import Timeline
 from g1_description.web.ui_loop import UiLoop
 from g1_description.web.view_panel import ViewPanel
 
 if TYPE_CHECKING:
-    from viser import ClientHandle, GuiTabGroupHandle, ViserServer
+    from viser import ClientHandle, ViserServer
 
 
 RATE = 40.0
@@ -52,6 +52,15 @@ WATCH_PERIOD = 0.1
 
 MAX_LINES = 8
 """Largest number of listed findings of the current state."""
+
+ROBOT_PANELS: tuple[type[RobotPanel], ...] = (
+    ReachPanel,
+    KeyframesPanel,
+    PosePanel,
+    BasePanel,
+    JointPanel,
+)
+"""The tab of a robot that can be moved, from top to bottom."""
 
 
 class Page:
@@ -78,7 +87,6 @@ class Page:
         """
         self._server, self._world = server, world
         self.ui = UiLoop(server, world.changed)
-        self._make_checker = make_checker
         self._checks = CheckThread(self.ui, make_checker, self._seen)
         self._stage = Stage(server)
         names: set[str] = set()
@@ -90,55 +98,63 @@ class Page:
         self._stopped = threading.Event()
         self.watched: Callable[[], int] = lambda: len(server.get_clients())
         """Number of viewers."""
-        self._read_only = read_only
-        self._library = library
+        self._page = PageContext(
+            server, self.ui, world, self._stage, self._checks, make_checker, read_only
+        )
         self._found: dict[ShownRobot, Verdict] = {}
-        self._add_panels(motion_first)
+        self._add_panels(library, motion_first)
         server.on_client_connect(self._label)
 
-    def _add_panels(self, motion_first: bool) -> None:
+    def _add_panels(self, library: Library | None, motion_first: bool) -> None:
         """Add all panels."""
-        gui = self._server.gui
-        gui.set_panel_label(self._world.robots[0].description.name)
+        gui, page, world = self._server.gui, self._page, self._world
+        gui.set_panel_label(world.robots[0].description.name)
         gui.configure_theme(
             control_width="large", show_logo=False, show_share_button=False
         )
         self._lack = gui.add_markdown("", visible=False)
-        past = gui.add_markdown("", visible=self._can_rewind)
-        self._simulator = None
-        if self._world.simulator is not None:
-            robot, simulator = self._world.robots[0].name, self._world.simulator
-            self._simulator = SimulatorPanel(
-                gui, self.ui, simulator, robot, self._read_only
-            )
-        library, folder = None, None
-        if self._library is not None:
-            library = LibraryPanel(gui, self.ui, self._world, self._library)
-        tabs = gui.add_tab_group()
-        if library is not None:
-            folder = tabs.add_tab("Folder")
-        if motion_first:
-            self._add_motion(tabs)
-        if not self._read_only and self._world.can_move:
-            for shown in self._shown:
-                title = shown.robot.name if len(self._shown) > 1 else "Robot"
-                with tabs.add_tab(title):
-                    self._add_controls(shown)
-        if not motion_first:
-            self._add_motion(tabs)
+        if world.simulator is not None:
+            SimulatorStatus(page, world.simulator)
+            if not page.read_only:
+                SimulatorPanel(page, world.simulator)
+        head, tabs = gui.add_folder(None), gui.add_tab_group()
+        folder = tabs.add_tab("Folder") if library is not None else None
+        motion = tabs.add_tab("Motion") if motion_first else None
+        controls = []
+        if not page.read_only and world.can_move:
+            several = len(self._shown) > 1
+            controls = [
+                (shown, tabs.add_tab(shown.robot.name if several else "Robot"))
+                for shown in self._shown
+            ]
+        if motion is None:
+            motion = tabs.add_tab("Motion" if world.can_move else "Checks")
+        # Of two panels with the same key, the first one has it.
         self._history: HistoryPanel | None = None
         if self._can_rewind:
             with tabs.add_tab("History"):
-                self._history = HistoryPanel(
-                    gui, self.ui, self._world, self._checks, self.motion, past
-                )
-        self._view: ViewPanel | None = None
-        self._plots: PlotPanel | None = None
+                self._history = HistoryPanel(page, head)
+        with motion:
+            self.motion = MotionPanel(page)
+            self._now = gui.add_markdown("")
         if library is not None and folder is not None:
             with folder:
-                library.add_list(self.motion)
-        if not self._read_only:
-            self._add_looks(tabs, library)
+                LibraryPanel(page, library, head)
+        for shown, tab in controls:
+            with tab:
+                for kind in ROBOT_PANELS:
+                    if kind.fits(shown):
+                        kind(page, shown)
+        self._view: ViewPanel | None = None
+        if not page.read_only:
+            for shown in self._shown:
+                self._name_on_click(shown)
+            with tabs.add_tab("View"):
+                bodies = [shown.body for shown in self._shown]
+                self._view = ViewPanel(page, bodies, self._one_file)
+                add_keys(page)
+            with tabs.add_tab("Plots"):
+                PlotPanel(page)
 
     def _label(self, client: ClientHandle) -> None:
         """Say in upright windows that the panel, which covers half of them, folds."""
@@ -150,36 +166,7 @@ class Page:
     def _can_rewind(self) -> bool:
         """Whether the past of robots is kept, and may be shown."""
         has_history = any(robot.history is not None for robot in self._world.robots)
-        return has_history and self._world.can_move and not self._read_only
-
-    def _add_motion(self, tabs: GuiTabGroupHandle) -> None:
-        """Add the tab of the motion, and of what is found."""
-        gui = self._server.gui
-        with tabs.add_tab("Motion" if self._world.can_move else "Checks"):
-            self.motion = MotionPanel(
-                gui, self.ui, self._world, self._checks, self._read_only
-            )
-            self._now = gui.add_markdown("")
-        self.motion.opened = self._on_opened
-
-    def _add_looks(self, tabs: GuiTabGroupHandle, library: LibraryPanel | None) -> None:
-        """Add the tabs View and Plots."""
-        gui, world = self._server.gui, self._world
-        for shown in self._shown:
-            self._name_on_click(shown)
-        with tabs.add_tab("View"):
-            bodies = [shown.body for shown in self._shown]
-            self._view = ViewPanel(
-                gui, self.ui, self._stage, bodies, world.has_commanded, self._one_file
-            )
-            if world.can_arrange:
-                self._add_arrangement()
-            first, history = self._shown[0], self._history
-            keys = keys_of(self.motion, self._view, first, history, library)
-            add_keys(gui, self.ui, keys)
-        with tabs.add_tab("Plots"):
-            robots = [shown.robot for shown in self._shown]
-            self._plots = PlotPanel(gui, self.ui, robots, self.motion, history)
+        return has_history and self._world.can_move and not self._page.read_only
 
     def _one_file(self) -> str:
         """Write a page: of the past that is shown, the open motion, or the present.
@@ -212,55 +199,10 @@ class Page:
         self._checks.check_motion(answers, robot, motion, answers.put, fail)
         return answers.get()
 
-    def _add_arrangement(self) -> None:
-        """Add the switch between robots next to each other and overlaid."""
-        box = self._server.gui.add_checkbox(
-            "Overlay", False, hint="draw all robots at the same place"
-        )
-        others = self._shown[1:]
-
-        def arrange() -> None:
-            self._world.arrange(beside=not box.value)
-            for shown in others:
-                shown.body.fade(bool(box.value))
-
-        self.ui.on(box, arrange)
-
-    def _add_controls(self, shown: Shown) -> None:
-        """Add the controls of a robot."""
-        server, robot = self._server, shown.robot
-        shown.joints = JointPanel(server.gui, self.ui, robot)
-        shown.base = BasePanel(server, self.ui, robot)
-        if roles_of(robot.description):
-            shown.reach = ReachPanel(
-                server,
-                self.ui,
-                robot,
-                shown.joints,
-                shown.body,
-                self._stage,
-                partial(self._collisions, robot),
-            )
-            shown.keyframes = KeyframesPanel(
-                server.gui, self.ui, robot, shown.reach.posing, lambda: self.motion
-            )
-        poses = PosePanel(server.gui, self.ui, self._world, robot, shown.joints)
-        if shown.keyframes is not None:
-            shown.keyframes.saved = poses.refresh
-
-    def _collisions(self, robot: ShownRobot) -> SelfCollisions:
-        """Prepare the self-collisions of a robot."""
-        return self._make_checker(robot.description).collisions
-
     def _name_on_click(self, shown: Shown) -> None:
         """Show the name of a link on a click."""
         body, post = shown.body, self.ui.post
         body.on_click(lambda link: post("name", lambda: body.name(link)))
-
-    def _on_opened(self) -> None:
-        """Plot another motion."""
-        if self._plots is not None:
-            self._plots.refresh()
 
     # --- drawing ---
 
@@ -286,6 +228,13 @@ class Page:
             if bool(self.watched()) != is_watched:
                 is_watched = not is_watched
                 self.ui.guarded(partial(self._world.watch, is_watched))
+                if not is_watched:
+                    self.ui.post("leave", self._leave)
+
+    def _leave(self) -> None:
+        """Put away what the last browser leaves behind."""
+        for panel in self._page.panels:
+            self.ui.guarded(panel.leave)
 
     def stop(self) -> None:
         """End ``run``."""
@@ -295,32 +244,27 @@ class Page:
     def _draw(self) -> None:
         """Show the states of all robots."""
         self._world.tick()
-        if self._simulator is not None:
-            self._simulator.follow()
-        self.motion.follow()
-        if self._history is not None:
-            self._history.follow()
         seen: dict[ShownRobot, RobotState] = {}
         for shown in self._shown:
             self.ui.guarded(partial(self._show, shown, seen))
-        self._tell_lack(seen)
-        self._tell_found()
+        self._show_lack(seen)
+        self._show_found()
         self._follow(seen)
-        if self._plots is not None:
-            self._plots.follow()
+        for panel in self._page.panels:
+            self.ui.guarded(panel.follow)
 
     def _follow(self, states: Mapping[ShownRobot, RobotState]) -> None:
         """Keep the first robot in the centre, if switched on."""
-        if self._view is None or not self._view.follow.value:
+        if self._view is None or not self._view.follows.value:
             self._stage.follow(np.zeros(2))
             return
-        if any(shown.has_gizmo for shown in self._shown):
+        if any(panel.has_gizmo for panel in self._page.panels):
             return  # which would run away from the mouse
         state = states.get(self._shown[0].robot)
         if state is not None and state.base_pose is not None:
             self._stage.follow(state.base_pose[:2])
 
-    def _tell_lack(self, states: Mapping[ShownRobot, RobotState]) -> None:
+    def _show_lack(self, states: Mapping[ShownRobot, RobotState]) -> None:
         """Show which states are missing."""
         lacks = []
         for shown in self._shown:
@@ -331,10 +275,8 @@ class Page:
                 )
             elif states[robot].base_pose is None:
                 lacks.append(f"{plain(robot.name)}: the pose of its base is unknown.")
-        text = "  \n".join(lacks)
-        if self._lack.content != text:
-            self._lack.content = text
-            self._lack.visible = bool(text)
+        self._lack.content = "  \n".join(lacks)
+        self._lack.visible = bool(lacks)
 
     def _show(
         self,
@@ -343,12 +285,13 @@ class Page:
     ) -> None:
         """Show a robot, and add the shown state to those of all."""
         now, past = shown.robot.state(), self._past(shown.robot)
+        shown.newest = now
         if now is None:
             return
         view = self._view
         state = now if past is None or past.state is None else past.state
         seen[shown.robot] = state
-        shown.show(state, now)
+        shown.show(state)
         shown.show_commanded(view is not None and bool(view.ghost.value))
         if past is None:
             shown.trail(view is not None and bool(view.trails.value))
@@ -372,7 +315,7 @@ class Page:
         shown.mark(state, verdict)
         self._found[robot] = verdict
 
-    def _tell_found(self) -> None:
+    def _show_found(self) -> None:
         """List the findings of all current states."""
         lines = []
         for robot, verdict in self._found.items():
@@ -385,9 +328,6 @@ class Page:
             lines += [title + ("" if found else " nothing found.")]
             lines += ["", *found, ""] if found else [""]
         text = "\n".join(lines)
-        told = [self._now]
+        self._now.content = text
         if self._history is not None and self._history.shown is not None:
-            told.append(self._history.found)
-        for element in told:
-            if element.content != text:
-                element.content = text
+            self._history.found.content = text

@@ -1,4 +1,4 @@
-"""What can be plotted of a robot: of joints, of its base, and of links."""
+"""Quantities to plot: of a robot's joints, of its base, and of its links."""
 
 from __future__ import annotations
 
@@ -41,6 +41,11 @@ STRIDE = 50_000_000
 
 CHUNK = 4000
 """States whose links are placed at once."""
+
+
+def label_of(name: str) -> str:
+    """Remove the usual suffix of a joint's name."""
+    return name[: -len("_joint")] if name.endswith("_joint") else name
 
 
 class Quantity(NamedTuple):

@@ -63,11 +63,11 @@ class Show:
         self.page.stop()
 
 
-def tell_address(
-    show: Show, options: ServerOptions, tell: Callable[[str], object]
+def report_address(
+    show: Show, options: ServerOptions, report: Callable[[str], object]
 ) -> None:
-    """Tell the address, and what it means to have one with a token."""
-    tell(f"open {show.address}")
+    """Report the address, and the effect of a token in it."""
+    report(f"open {show.address}")
     if "token=" in show.address:
         may = "sees" if options.read_only else "moves"
-        tell(f"Anyone with this address {may} the robot.")
+        report(f"Anyone with this address {may} the robot.")

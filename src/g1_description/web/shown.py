@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from g1_description.checks.marks import draw_marks, red_links
 from g1_description.checks.verdict import Verdict
+from g1_description.ik.posing import Posing
 from g1_description.robot.rotation import angle_between
 from g1_description.robot.state import RobotState
-from g1_description.web.controls import BasePanel, JointPanel
-from g1_description.web.keyframes_panel import KeyframesPanel
-from g1_description.web.reach_panel import ReachPanel
 from g1_description.web.robot import ShownRobot
 from g1_description.web.scene.marks import SceneMarks
 from g1_description.web.scene.robot import SEE_THROUGH, SceneRobot
@@ -52,11 +51,8 @@ class Shown:
         self._name = name
         description = robot.description
         self.body = SceneRobot(self._scene, f"{MAP}/robots/{self._name}", description)
-        self.joints: JointPanel | None = None
-        """Its sliders, where it can be moved."""
-        self.base: BasePanel | None = None
-        self.reach: ReachPanel | None = None
-        self.keyframes: KeyframesPanel | None = None
+        self.newest: RobotState | None = None
+        """Its last state, which controls follow; None: there is none yet."""
         self._ghost: SceneRobot | None = None
         self._trails = Trails(self._scene, f"{MAP}/trails/{self._name}", description)
         self._canvas = SceneMarks(self._scene, f"{MAP}/checks/{self._name}")
@@ -64,24 +60,16 @@ class Shown:
         self._checked: RobotState | None = None
         self._marked: Verdict | None = None
 
-    @property
-    def has_gizmo(self) -> bool:
-        """Whether a gizmo of it is shown."""
-        return bool(
-            (self.base is not None and self.base.has_gizmo)
-            or (self.reach is not None and self.reach.has_gizmos)
-        )
+    @cached_property
+    def posing(self) -> Posing:
+        """Poses the robot by hand, if its profile has links for that."""
+        robot = self.robot
+        return Posing(robot.description, robot.state, robot.command_all)
 
-    def show(self, state: RobotState, newest: RobotState) -> None:
-        """Show a state, which may be past; the controls follow the newest one."""
+    def show(self, state: RobotState) -> None:
+        """Show a state, which may be a past one."""
         self._state = state
         self.body.show(state.base_pose, state.positions_by_name)
-        if self.joints is not None:
-            self.joints.follow(newest)
-        if self.base is not None:
-            self.base.follow(newest)
-        if self.reach is not None:
-            self.reach.follow(newest)
 
     def show_commanded(self, is_on: bool) -> None:
         """Show the commanded configuration, where it differs from the measured one."""
@@ -96,7 +84,7 @@ class Shown:
                 state.base_pose if base is None else base,
                 {**state.positions_by_name, **state.commanded},
             )
-        if self._ghost is not None and self._ghost.visible != is_seen:
+        if self._ghost is not None:
             self._ghost.visible = is_seen
 
     def trail(self, is_on: bool) -> None:
@@ -137,7 +125,7 @@ class Shown:
 
 
 def _differs(state: RobotState) -> bool:
-    """Tell whether the commanded configuration is seen to be another."""
+    """Return whether the commanded configuration is seen to be another."""
     base = state.commanded_base
     if base is not None and state.base_pose is not None:
         if np.abs(base[:3] - state.base_pose[:3]).max() > NEAR:

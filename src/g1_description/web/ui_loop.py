@@ -17,6 +17,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Callable
 
 from g1_description.errors import G1DescriptionError
+from g1_description.web.edits import Edits
 
 if TYPE_CHECKING:
     from viser import ViserServer
@@ -141,7 +142,8 @@ class UiLoop:
         self._server = server
         self._lock = threading.Lock()
         self._done: dict[Hashable, Callable[[], object]] = {}
-        self._told: dict[str, float] = {}
+        self._notified: dict[str, float] = {}
+        self.edits = Edits()
         self.calls = Lane(self)
         """Calls services."""
 
@@ -187,22 +189,22 @@ class UiLoop:
             self.guarded(act)
 
     def guarded(self, act: Callable[[], object]) -> None:
-        """Do something; tell people what went wrong."""
+        """Do something; show people what went wrong."""
         try:
             act()
         except G1DescriptionError as error:
-            self.tell(str(error), "red")
+            self.notify(str(error), "red")
         except Exception:  # a mistake of ours: the page goes on, the log has it
             LOG.exception("A panel of the page failed")
-            self.tell("Internal error; see the log.", "red")
+            self.notify("Internal error; see the log.", "red")
 
-    def tell(self, text: str, color: Any = "blue") -> None:
+    def notify(self, text: str, color: Any = "blue") -> None:
         """Show a message in all browsers for a while."""
         now = time.monotonic()
-        if now < self._told.get(text, -AGAIN) + AGAIN:
+        newest = {t: at for t, at in self._notified.items() if now < at + AGAIN}
+        if text in newest:
             return
-        self._told = {t: when for t, when in self._told.items() if now < when + AGAIN}
-        self._told[text] = now
+        self._notified = {**newest, text: now}
         for client in self._server.get_clients().values():
             client.add_notification(
                 "g1_description", text, auto_close_seconds=SHOWN, color=color

@@ -7,44 +7,41 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from g1_description.errors import G1DescriptionError
+from g1_description.web.panel import Key, PageContext, Panel
 from g1_description.web.scene.robot import SceneRobot
-from g1_description.web.scene.stage import Stage
-from g1_description.web.ui_loop import UiLoop
 
 if TYPE_CHECKING:
-    from viser import GuiApi, GuiCheckboxHandle
+    from viser import GuiCheckboxHandle
 
 
 RENDER_TIMEOUT = 20.0
 """Longest wait for a picture, in [s]: browsers without a GPU are slow."""
 
 
-class ViewPanel:
+class ViewPanel(Panel):
     """Switches of layers that are drawn beside or instead of the robots."""
 
     def __init__(
         self,
-        gui: GuiApi,
-        ui: UiLoop,
-        stage: Stage,
+        page: PageContext,
         robots: Sequence[SceneRobot],
-        has_commanded: bool,
         share: Callable[[], str],
     ) -> None:
-        """Add the panel.
+        """Add the panel where the GUI is.
 
         Args:
-            gui: Where to.
-            ui: Does what a person wants.
-            stage: Floor and map.
+            page: What it shares with others.
             robots: All robots.
-            has_commanded: Whether the commanded configuration is known.
             share: Writes a page of what is shown; it may block.
         """
-        self._gui, self._ui = gui, ui
-        self._make_page = share
+        self._robots, self._make_page = robots, share
         self._pictured: set[int] = set()
-        """Who waits for a picture."""
+        """Browsers whose picture is awaited."""
+        super().__init__(page)
+
+    def build(self) -> None:
+        """Add the elements."""
+        gui, stage, robots = self.gui, self.page.stage, self._robots
 
         def each(
             show: Callable[[SceneRobot, bool], object],
@@ -57,10 +54,10 @@ class ViewPanel:
         self._switch("Names of links", False, each(SceneRobot.show_names))
         self._switch("Floor", True, stage.show_floor)
         self._switch("Axes of the map", False, stage.show_axes)
-        self.follow = self._switch("Follow the robot", False)
+        self.follows = self._switch("Follow the robot", False)
         self.trails = self._switch("Trails", False)
         self.ghost = self._switch("Commanded configuration", False)
-        self.ghost.visible = has_commanded
+        self.ghost.visible = self.world.has_commanded
         self.checks = self._switch("Checks", True)
         picture = gui.add_button("Save a picture", hint="of what you see, as PNG")
         picture.on_click(self._save)
@@ -69,10 +66,22 @@ class ViewPanel:
             hint="the shown past, the open motion or the robot, as one HTML file",
         )
         page.on_click(self._share)
+        if self.world.can_arrange:
+            self._switch("Overlay", False, self._arrange)
+
+    def hotkeys(self) -> list[Key]:
+        """List its keys."""
+        return [Key("F", "follow the robot, or do not", self.toggle_follow, "F")]
+
+    def _arrange(self, is_overlay: bool) -> None:
+        """Draw all robots at the same place, or next to each other."""
+        self.world.arrange(beside=not is_overlay)
+        for robot in self._robots[1:]:
+            robot.fade(is_overlay)
 
     def toggle_follow(self) -> None:
         """Follow the robot, or stop that."""
-        self.follow.value = not self.follow.value
+        self.follows.value = not self.follows.value
 
     def _switch(
         self,
@@ -81,8 +90,8 @@ class ViewPanel:
         show: Callable[[bool], object] = lambda _: None,
     ) -> GuiCheckboxHandle:
         """Add a switch."""
-        box = self._gui.add_checkbox(label, initial)
-        self._ui.on(box, lambda: show(bool(box.value)))
+        box = self.gui.add_checkbox(label, initial)
+        self.ui.on(box, lambda: show(bool(box.value)))
         return box
 
     def _save(self, event: Any) -> None:
