@@ -100,12 +100,10 @@ def robot():
     return Robot()
 
 
-def slider_of(page, folder, label):
-    """Find a slider, in a folder that is opened if it is closed."""
+def slider_of(page, limb, label):
+    """Find a slider on the tab of its limb."""
     page.open_tab("Robot")
-    page.raw.get_by_text(folder, exact=True).wait_for()
-    if not page.element(label).is_visible():
-        page.toggle_folder(folder)
+    page.open_tab(limb)
     page.element(label).wait_for()
     return page.slider(label)
 

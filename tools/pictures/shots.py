@@ -69,7 +69,7 @@ class Shot:
 def _robot(page: Page) -> None:
     """Lift both arms, one with its sliders."""
     page.press("wave")
-    page.toggle_folder("Left arm")
+    page.open_tab("Left arm")
     page.slider("left_shoulder_pitch").type(-1.1)
     page.slider("left_elbow").type(0.3)
 

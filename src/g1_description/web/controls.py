@@ -48,15 +48,17 @@ UNLIMITED = {"prismatic": 1.0}
 
 
 class JointPanel(RobotPanel):
-    """Sliders in folders, one per limb."""
+    """Sliders, with a tab for each limb."""
 
     def build(self) -> None:
         """Add the sliders."""
         self._sliders: dict[str, GuiSliderHandle[float]] = {}
         joints = {joint.name: joint for joint in self.robot.description.movable_joints}
+        if not joints:
+            return
+        tabs = self.gui.add_tab_group()
         for limb, names in by_limb(joints).items():
-            is_open = len(joints) < 12
-            with self.gui.add_folder(limb.capitalize(), expand_by_default=is_open):
+            with tabs.add_tab(limb.capitalize()):
                 for name in names:
                     slider = self._sliders[name] = self._add(joints[name])
                     self.ui.on(slider, partial(self._moved, name))
