@@ -1,7 +1,7 @@
 """Robots that are not the G1 of this package: nothing of it is in what they do.
 
-One has five links and is nobody's, one is from a public package, PyBullet's own data,
-and two are the vendor's. test/rostest/test_other_robot.py displays one.
+One has five links and is nobody's, one is from a public package, PyBullet's own data.
+test/rostest/test_other_robot.py displays one.
 """
 
 import subprocess
@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pybullet_data
 import pytest
-from conftest import REPOSITORY, VENDOR
+from conftest import REPOSITORY
 from web_clients import running
 
 from g1_description.api import Robot
@@ -34,19 +34,6 @@ STRANGERS = {
     "strider": REPOSITORY / "test" / "data" / "five_links.urdf",
     "a1_description": Path(pybullet_data.getDataPath(), "a1", "a1.urdf"),
 }
-COUSINS = {
-    "g1_29dof_rev_1_0": VENDOR.with_name("g1_29dof_rev_1_0.urdf"),
-    "g1_23dof": VENDOR.with_name("g1_23dof.urdf"),
-}
-
-
-@pytest.fixture(params=[*STRANGERS, *COUSINS])
-def robot(request):
-    """Give each robot that is there."""
-    file = {**STRANGERS, **COUSINS}[request.param]
-    if not file.exists():
-        pytest.skip(f"the vendor's {file.name} is not beside the repository")
-    return Robot(file)
 
 
 @pytest.fixture(params=STRANGERS)
@@ -64,24 +51,15 @@ def standing(robot):
     return robot.on_floor(motion)
 
 
-def test_motors_are_those_of_its_own_file_or_profile(robot):
-    played = rollout(robot.description, standing(robot))
-    given = np.array(
-        [motors_of(robot.description).of(n).effort for n in played.joint_names]
-    )
-    np.testing.assert_array_equal(
-        played.effort_limits, np.minimum(robot.effort_limits, given)
-    )
-    if robot.name in STRANGERS:
-        np.testing.assert_array_equal(played.effort_limits, robot.effort_limits)
-
-
-def test_it_is_checked_with_its_own_links(robot):
+def test_it_is_checked_with_its_own_links_and_motors(stranger):
+    robot = Robot(stranger)
     verdict = robot.checker(physics=True).check(standing(robot))
     assert "self_collision" in verdict.checked
     assert not [f for f in verdict.findings if f.check == "self_collision"]
     links = {*robot.link_names}
     assert {name for pair in robot.collision_pairs for name in pair} <= links
+    played = rollout(robot.description, standing(robot))
+    np.testing.assert_array_equal(played.effort_limits, robot.effort_limits)
 
 
 def test_pairs_of_a_robot_without_a_file_are_found_once(
@@ -141,7 +119,8 @@ def test_the_page_has_no_pose_and_no_name_of_the_g1(stranger):
         assert not words & ITS_NAMES
 
 
-def test_the_command_check_says_nothing_of_the_g1(stranger, tmp_path):
+def test_the_command_check_says_nothing_of_the_g1(tmp_path):
+    stranger = STRANGERS["strider"]
     robot = Robot(stranger)
     file = tmp_path / "stand.csv"
     robot.write_motion(file, standing(robot))
@@ -169,8 +148,7 @@ def test_motors_and_collisions_may_be_given(tmp_path):
     """To Python and to the command alike; those of a profile are not used then."""
     (tmp_path / "motors.yaml").write_text("'.*': {effort: 7}\n")
     robot = Robot(motors=tmp_path / "motors.yaml")
-    played = rollout(robot.description, standing(robot))
-    assert played.effort_limits.max() == 7.0
+    assert motors_of(robot.description).of("left_knee_joint").effort == 7.0
     text = Robot().profile.collisions.read_text()
     pair = "[left_hip_roll_link, right_hip_roll_link, never]"
     assert pair in text

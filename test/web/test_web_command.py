@@ -17,14 +17,12 @@ pytest.importorskip("rospy", reason="rospy is not installed")
 pytest.importorskip("viser", reason="viser is not installed")
 
 from conftest import REPOSITORY
-from waiting import DEADLINE, wait_for
+from waiting import DEADLINE
 
 from g1_description.cli import web
 from g1_description.cli.web import WebOptions
 from g1_description.command_line import parse
 from g1_description.motion.selection import Choice, Selection
-
-from ports import free_port
 
 sys.path.insert(0, str(REPOSITORY / "tools"))
 from page_client import PageClient
@@ -110,16 +108,6 @@ def test_an_interrupt_of_its_imports_is_not_lost(tmp_path):
     assert (process.returncode, output, errors) == (0, "", "")
 
 
-def test_without_viser_it_says_how_to_get_it(tmp_path):
-    (tmp_path / "viser.py").write_text(
-        "raise ModuleNotFoundError(\"No module named 'viser'\", name='viser')\n"
-    )
-    with command("--model", ROBOT, "--port", 0, path=tmp_path) as process:
-        output, errors = process.communicate(timeout=DEADLINE)
-    assert (process.returncode, output) == (1, "")
-    assert re.fullmatch("web: .* needs viser, .*pip install viser==.*\n", errors)
-
-
 def test_a_port_that_is_taken_is_told(refused):
     with socket.create_server(("127.0.0.1", 0)) as other:
         port = other.getsockname()[1]
@@ -129,7 +117,7 @@ def test_a_port_that_is_taken_is_told(refused):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "words"),
     [
         (["--motion", "none.csv"], "none.csv"),
         (["--motion", DATA / "elbow.csv", "--model", ROBOT], "left_elbow_joint"),
@@ -141,12 +129,12 @@ def test_a_port_that_is_taken_is_told(refused):
         (["--colour"], "--colour"),
     ],
 )
-def test_what_it_cannot_show_is_refused_in_a_sentence(refused, arguments, told):
-    assert told in refused("--port", 0, *arguments)
+def test_what_it_cannot_show_is_refused_in_a_sentence(refused, arguments, words):
+    assert words in refused("--port", 0, *arguments)
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "words"),
     [
         (["--compare", "one.csv"], "--compare"),
         (["--motion", "a.csv", "--compare", "a.csv", "b.csv"], "cannot be combined"),
@@ -156,11 +144,11 @@ def test_what_it_cannot_show_is_refused_in_a_sentence(refused, arguments, told):
         (["--port", "http"], "--port"),
     ],
 )
-def test_wrong_options_are_told(arguments, told, capsys):
+def test_wrong_options_are_told(arguments, words, capsys):
     with pytest.raises(SystemExit) as end:
         parse(WebOptions, "web", arguments)
     assert end.value.code == 1
-    assert told in capsys.readouterr().err
+    assert words in capsys.readouterr().err
 
 
 def test_it_shows_until_ctrl_c_also_while_somebody_looks_and_begins_again(tmp_path):
@@ -199,33 +187,23 @@ def test_a_folder_is_looked_through(tmp_path):
     given = motions, "--model", robot, "--port", 0
     with opened(*given) as (_, address), PageClient(address) as client:
         client.wait_until_whole()
-        wait_for_text(client, "**a\\.csv**")
+        client.wait_for(lambda: client.says("a.csv"), "it")
         client.set("Motion", "Next")
-        wait_for_text(client, "**b\\.csv**")
+        client.wait_for(lambda: client.says("b.csv"), "it")
         client.set("Choice", "Exclude")
-        wait_for_text(client, "b\\.csv: exclude")
+        client.wait_for(lambda: client.says("b.csv: exclude"), "it")
         client.set("Open row", "3")
-        wait_for_text(client, "**c\\.csv**")
+        client.wait_for(lambda: client.says("c.csv"), "it")
         client.set("Note", "smooth")
         client.set("Motion", "Previous")
-        wait_for_text(client, "**b\\.csv**")
+        client.wait_for(lambda: client.says("b.csv"), "it")
         client.set("Sort by", "samples")
         client.set("Chosen", "exclude")
-        wait_for_text(client, "**1** of 4 motions")
+        client.wait_for(lambda: client.says("1 of 4 motions"), "it")
     assert Selection(motions / "selection.yaml").choices == {
         "b.csv": Choice("exclude"),
         "c.csv": Choice("undecided", "smooth"),
     }
-
-
-def wait_for_text(client, text):
-    """Wait until a page has a text in Markdown."""
-
-    def is_there():
-        elements = [*client.elements.values()]
-        return any(text in str(one.get("_markdown", "")) for one in elements)
-
-    client.wait_for(is_there, text)
 
 
 def check_comparison(nodes):
@@ -239,28 +217,3 @@ def check_comparison(nodes):
     tags = [node for name, node in nodes.items() if name.endswith("/tag")]
     assert {tag["text"] for tag in tags} == {"elbow.csv 1", "elbow.csv 2"}
     assert len({tag["position"][2] for tag in tags}) == 2
-
-
-def test_it_ends_as_quietly_while_it_tells_its_address():
-    """It is held up there: the pipe that it writes to is full."""
-    reader, writer = os.pipe()
-    os.set_blocking(writer, False)
-    with contextlib.suppress(BlockingIOError):
-        while True:
-            os.write(writer, bytes(1))
-    os.set_blocking(writer, True)
-    port = free_port()
-    with command("--model", ROBOT, "--port", port, stdout=writer) as process:
-        os.close(writer)
-        wait_for(lambda: answers(port), "the page", DEADLINE)
-        process.send_signal(signal.SIGHUP)
-        with open(reader, "rb") as pipe:
-            pipe.read()
-        errors = process.stderr.read()
-    assert (process.returncode, errors) == (0, "")
-
-
-def answers(port):
-    """Whether there is a page."""
-    with contextlib.suppress(OSError), urlopen(f"http://127.0.0.1:{port}") as page:
-        return page.status == 200
