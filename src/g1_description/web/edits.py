@@ -17,7 +17,7 @@ ROUND_TRIP = 0.3
 
 
 class Edits:
-    """Tells values that a person has set from those of the page.
+    """Distinguishes values that a person has set from those of the page.
 
     An element's ``update_timestamp`` is that of its last change, whoever made it.
     """

@@ -117,12 +117,12 @@ class FindingList:
 def title(findings: Sequence[Finding]) -> str:
     """Format the findings of one cause in a few words, with the time of the worst."""
     worst = worst_of(findings)
-    what = worst.check.replace("_", " ")
-    words = what.split()  # "base jump base" says it twice
+    check = worst.check.replace("_", " ")
+    words = check.split()  # "base jump base" says it twice
     names = (name for name in worst.subject if name not in words)
     subject = " - ".join(map(short_name, names))
     more = f" +{len(findings) - 1}" if len(findings) > 1 else ""
-    return f"{shown_time(worst.worst_time)}  {what} {subject}".strip() + more
+    return f"{shown_time(worst.worst_time)}  {check} {subject}".strip() + more
 
 
 def shown_time(time: float) -> str:

@@ -1,4 +1,4 @@
-"""The motions of a folder, with what a report and a selection say of them."""
+"""The motions of a folder, with their rows of a report and of a selection."""
 
 from __future__ import annotations
 
@@ -221,7 +221,7 @@ def _json_rows(file: TextIO) -> list[dict[str, Any]]:
 
 
 def _read_report(path: Path, folder: Path, entries: dict[str, Entry]) -> None:
-    """Give motions what a report says of them.
+    """Give motions their rows of a report.
 
     A file of several motions becomes the motions that the report has of it.
     """
@@ -259,7 +259,7 @@ def _file_of(name: str, entries: Mapping[str, Entry]) -> str | None:
 def _prefix(
     files: Sequence[tuple[str, ...]], folder: Path, entries: Mapping[str, Entry]
 ) -> tuple[str, ...]:
-    """Find what the folder was called when the files were checked."""
+    """Find the name of the folder when the files were checked."""
     counts: Counter[tuple[str, ...]] = Counter(
         parts[:n]
         for parts in files

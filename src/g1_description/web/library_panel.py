@@ -1,4 +1,4 @@
-"""The panel of a folder: a list of its motions, and what a person decides on them."""
+"""The panel of a folder: a list of its motions, and decisions on them."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ STYLE = """<style>
 
 
 class LibraryPanel(Panel):
-    """Lists motions, opens them, and writes down what becomes of them."""
+    """Lists motions, opens them, and writes down decisions on them."""
 
     def __init__(
         self, page: PageContext, library: Library, head: GuiFolderHandle
@@ -248,7 +248,7 @@ class LibraryPanel(Panel):
                 self._motion.play()
 
     def update(self) -> None:
-        """Take over what the page found in a motion that the report does not have."""
+        """Take the result of the page for a motion that the report does not have."""
         if self._read is None:
             return
         (entry, motion), robot = self._read, self._robot
@@ -261,7 +261,7 @@ class LibraryPanel(Panel):
     # --- decisions ---
 
     def choose(self, choice: str) -> None:
-        """Write down what a person decided on the open motion.
+        """Write down the decision on the open motion.
 
         Raises:
             InvalidValueError: If none is open.

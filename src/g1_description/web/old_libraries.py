@@ -1,4 +1,4 @@
-"""What viser needs that Ubuntu 20.04 does not have, with numpy 1.17 and Python 3.8.
+"""Parts of libraries that viser needs and Ubuntu 20.04 lacks: numpy 1.17, Python 3.8.
 
 viser asks for no version of numpy, but names types of ``numpy.typing`` of 1.20 in
 annotations, by which it also converts arrays, and calls its ``broadcast_shapes``. The
@@ -30,7 +30,7 @@ def _array_of(element: Any) -> type:
 
 
 def _typing() -> ModuleType:
-    """Make what annotations need of ``numpy.typing``."""
+    """Make the names of ``numpy.typing`` that annotations need."""
     module: Any = ModuleType("numpy.typing", "Made by g1_description for viser.")
     module.NDArray, module.ArrayLike, module.DTypeLike = _NDArray, Any, Any
     return module
@@ -54,7 +54,7 @@ def _broadcast_shapes(*shapes: Any) -> tuple[int, ...]:
 
 
 def complete(numpy: Any, modules: dict[str, Any]) -> None:
-    """Add what is not there.
+    """Add the names that are missing.
 
     Args:
         numpy: The module to complete.

@@ -232,7 +232,7 @@ class Page:
                     self.ui.post("leave", self._leave)
 
     def _leave(self) -> None:
-        """Put away what the last browser leaves behind."""
+        """Let panels hide what nobody needs once the last browser is closed."""
         for panel in self._page.panels:
             self.ui.guarded(panel.leave)
 

@@ -37,7 +37,7 @@ class Key(NamedTuple):
 
 @dataclass(eq=False)
 class PageContext:
-    """What the panels of a page share."""
+    """All that the panels of a page share."""
 
     server: ViserServer
     ui: UiLoop
@@ -112,7 +112,7 @@ class Panel:
         """Look again at files and at the open motion."""
 
     def leave(self) -> None:
-        """Put away what the last browser leaves behind."""
+        """Hide what nobody needs once the last browser is closed."""
 
     @property
     def has_gizmo(self) -> bool:

@@ -36,7 +36,7 @@ LEAST_ROOM = 0.005
 
 
 class Curve(NamedTuple):
-    """A line of a plot, with that of what is commanded."""
+    """A line of a plot, with its commanded one."""
 
     robot: ShownRobot
     quantity: Quantity
@@ -224,7 +224,7 @@ def thinned(
 
 
 def _limits(curves: Sequence[np.ndarray]) -> tuple[float, float]:
-    """Return what the axis of values shows: uPlot shows 0 to 100 for a constant."""
+    """Return the limits of the axis: uPlot would show 0 to 100 for a constant."""
     known = np.concatenate([[], *curves])
     known = known[np.isfinite(known)]
     if not known.size:

@@ -1,4 +1,4 @@
-"""Plots of what is chosen, over the time line of the robot or over the open motion."""
+"""Plots of chosen quantities, over the history of a robot or the open motion."""
 
 from __future__ import annotations
 

@@ -69,7 +69,7 @@ class SimulatorPanel(Panel):
             "Rope", 0.5, 3.0, 0.05, ROPE, hint="its length in m, from 3 m above"
         )
         self._own = self._steps, step, self._speed, self._hangs, self._rope
-        """What the stand-in has only."""
+        """Elements that only the stand-in has."""
         ui.on(self._pause, self._toggle)
         ui.on(step, lambda: ui.calls.do(self._step))
         ui.on(
@@ -81,7 +81,7 @@ class SimulatorPanel(Panel):
         ui.on(reset, lambda: ui.calls.do(lambda: self._end_steps(simulator.reset)))
 
     def _toggle(self) -> None:
-        """Pause, or go on: what the button said when it was pressed."""
+        """Pause, or go on, as the button said when it was pressed."""
         is_pause = self._pause.label == "Pause"
         act = self._simulator.pause if is_pause else self._simulator.go_on
         self.ui.calls.do(lambda: self._end_steps(act))

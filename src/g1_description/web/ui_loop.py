@@ -46,7 +46,7 @@ class Work:
 
 
 class Lane:
-    """A thread that does what takes long; of one key, only the newest."""
+    """A thread for long work; of one key, only the newest is done."""
 
     def __init__(self, ui: UiLoop) -> None:
         """Start the thread.
@@ -65,7 +65,7 @@ class Lane:
         then: Callable[[Any], object] = lambda _: None,
         key: Hashable = None,
     ) -> None:
-        """Do something after what waits.
+        """Do something after the work that waits.
 
         Args:
             act: Returns a result.
@@ -95,7 +95,7 @@ class Lane:
         self._waiting.put(work)
 
     def cancel(self, key: Hashable) -> None:
-        """Drop what has a key, and its results."""
+        """Drop the work of a key, and its results."""
         work = self._newest.pop(key, None)
         if work is not None:
             work.is_off, work.then = True, lambda _: None
@@ -129,7 +129,7 @@ def _hand_over(work: Work, found: Any) -> None:
 
 
 class UiLoop:
-    """Gathers what a person does, and hands it out."""
+    """Gathers the actions of people, and runs them."""
 
     def __init__(self, server: ViserServer, new: threading.Event) -> None:
         """Begin.
@@ -182,7 +182,7 @@ class UiLoop:
         self.new.set()
 
     def do_all(self) -> None:
-        """Do what was posted; to be called by the thread that draws."""
+        """Run the posted actions; to be called by the thread that draws."""
         with self._lock:
             done, self._done = self._done, {}
         for act in done.values():

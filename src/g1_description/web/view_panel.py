@@ -1,4 +1,4 @@
-"""Switches for layers of the scene, and files of what is shown."""
+"""Switches for layers of the scene, and files of the shown state."""
 
 from __future__ import annotations
 

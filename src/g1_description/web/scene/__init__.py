@@ -1,1 +1,1 @@
-"""What is seen: robots, frames, marks, trails."""
+"""The scene: robots, frames, marks, trails."""

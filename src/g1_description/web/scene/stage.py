@@ -1,4 +1,4 @@
-"""What is around the robots: floor, axes of the map, camera."""
+"""The surroundings of the robots: floor, axes of the map, camera."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ sky is, and a lamp at the camera's first place."""
 
 
 MAP = "/map"
-"""What robots, and all that belongs to them, lie below in the scene."""
+"""The node above robots, and above all that belongs to them."""
 
 SECTION = 1.0
 """Distance of the floor's strong lines, in [m]."""

@@ -1,1 +1,1 @@
-"""Who may open the page, and what comes from browsers."""
+"""Admission to the page, and messages of browsers."""

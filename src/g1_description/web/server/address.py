@@ -16,7 +16,7 @@ MAX_BROWSERS = 32
 
 @dataclass(frozen=True)
 class ServerOptions:
-    """What a program chooses about its page."""
+    """Choices of a program for its page."""
 
     host: str = "127.0.0.1"
     """Name or address to listen on; all but loopback addresses require a token."""
@@ -45,7 +45,7 @@ def listen(host: str, port: int) -> socket.socket:
         A socket that listens.
 
     Raises:
-        PageServerError: If it cannot listen; the message says what to do.
+        PageServerError: If it cannot listen; the message has the remedy.
     """
     if port not in range(MAX_PORT + 1):
         raise PageServerError(f"port must be from 0 to {MAX_PORT} (got {port})")
@@ -71,7 +71,7 @@ def _resolve(host: str, port: int) -> tuple[int, tuple]:
 
 
 def _why_not(host: str, port: int, error: Exception) -> str:
-    """Say in a sentence why nothing listens, and what to do."""
+    """Describe in a sentence why nothing listens, and the remedy."""
     number = getattr(error, "errno", None)
     if number == errno.EADDRINUSE:
         return f"port {port} of {host} is in use; choose another port, or 0 for any"

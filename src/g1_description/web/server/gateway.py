@@ -141,7 +141,7 @@ MAX_MESSAGE = 16 * 2**20
 """Largest message of a browser, in bytes: a picture of the scene is one."""
 
 OPEN_TIMEOUT = 10.0
-"""How long a browser may take to say what it wants, in [s]."""
+"""Longest time of a browser for its request, in [s]."""
 
 PAGE_TIMEOUT = 120.0
 """How long a browser may take to receive the page, in [s]."""
@@ -315,7 +315,7 @@ class Gateway:
         await refuse(browser, CloseCode.GOING_AWAY, "")
 
     def _count(self, size: int) -> None:
-        """Add what has been sent."""
+        """Count bytes that have been sent."""
         self.bytes_sent += size
 
     def _warn(self, text: str) -> None:
