@@ -1,7 +1,6 @@
 """The robot of the simulator in a real browser: seen, moved, played, on a phone too.
 
-What needs no robot is in test/web/test_web_script.py, what needs no browser in
-test/web/test_web_page.py.
+What needs no browser is in test/web/test_web_page.py.
 """
 
 import re
