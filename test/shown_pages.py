@@ -159,5 +159,15 @@ class StandingG1:
         return self.model.link_poses(state.positions_by_name, state.base_pose)
 
 
+def delete_keyframes(client):
+    """Delete the keyframes that another test has left."""
+    while client.value("Selected") != "none":
+        left = client.element("Selected")["options"]
+        client.set("Keyframe", "Delete")
+        client.wait_for(
+            lambda old=left: client.element("Selected")["options"] != old, "one less"
+        )
+
+
 standing_g1 = lru_cache(None)(StandingG1)
 """The page of the G1: it takes seconds to make."""

@@ -8,7 +8,7 @@ from waiting import wait_for
 
 pytest.importorskip("viser", reason="viser is not installed")
 
-from shown_pages import standing_g1
+from shown_pages import delete_keyframes, standing_g1
 
 from g1_description.errors import MotionError
 from g1_description.robot.poses import read_poses
@@ -29,10 +29,7 @@ def browser(page, tmp_path, monkeypatch):
     monkeypatch.setenv("ROS_HOME", str(tmp_path))
     with PageClient(page.show.address) as one:
         one.wait_until_whole()
-        while one.value("Selected") != "none":
-            begin = one.element("Selected")["options"]
-            one.set("Keyframe", "Delete")
-            one.wait_for(lambda old=begin: one.element("Selected")["options"] != old, 1)
+        delete_keyframes(one)
         page.show.page.motion.motions.clear()
         page.stand()
         one.set("Keyframe", "Add")

@@ -50,6 +50,8 @@ class MotionPanel(Panel):
         """The open ones."""
         self.verdicts: dict[ShownRobot, Verdict] = {}
         """Verdicts on open motions, as far as they are checked."""
+        self.opened = 0
+        """Number of motions that were opened up to now."""
         self._titles: dict[ShownRobot, str] = {}
         self._files = Lane(ui)
         self._again = math.inf
@@ -159,7 +161,7 @@ class MotionPanel(Panel):
             partial(self._checked, robot, motion),
             self._findings[robot].fail,
         )
-        self.page.refresh()
+        self.opened += 1
         if self._read_only:
             self._start(player.begin)
 

@@ -60,7 +60,7 @@ class PageContext:
         return found
 
     def refresh(self) -> None:
-        """Let all panels look again at files and at the open motion."""
+        """Let all panels look again at files that were saved."""
         for panel in self.panels:
             panel.refresh()
 
@@ -109,7 +109,7 @@ class Panel:
             self.update()
 
     def refresh(self) -> None:
-        """Look again at files and at the open motion."""
+        """Look again at files that were saved."""
 
     def leave(self) -> None:
         """Hide what nobody needs once the last browser is closed."""

@@ -86,7 +86,7 @@ class PlotPanel(Panel):
         ui.on(self._to, lambda: None)
         ui.on(add, self._add_curve)
         ui.on(clear, self._clear)
-        ui.on(self._source, self.refresh)
+        ui.on(self._source, self._compute_again)
         ui.on(self._time, self._go)
 
     # --- the curves ---
@@ -150,12 +150,12 @@ class PlotPanel(Panel):
                     cursor={"drag": {"x": False, "y": False}},  # type: ignore
                     aspect=1.1 if len(by_unit) == 1 else 1.6,
                 )
-        self.refresh()
+        self._compute_again()
 
     # --- drawing ---
 
-    def refresh(self) -> None:
-        """Compute the lines again, as there is another motion for example."""
+    def _compute_again(self) -> None:
+        """Compute the lines again."""
         self._shown, self._next = None, 0.0
 
     @property
@@ -197,7 +197,7 @@ class PlotPanel(Panel):
         """Return the plotted view; None: the present, which is always another one."""
         curves, history = self._data.curves, self._plotted
         if history is None:
-            return curves, tuple(map(id, self._motion.motions.values()))
+            return curves, self._motion.opened
         shown = history.shown
         if shown is None:
             return None
