@@ -819,18 +819,18 @@ class Robot:
         return self._usual_checker.collisions.pairs
 
     def _rates(
-        self, given: JointValues | None, shape: tuple[int, ...], what: str
+        self, given: JointValues | None, shape: tuple[int, ...], label: str
     ) -> np.ndarray:
         """Arrange velocities or accelerations like positions; by default 0."""
         still = np.zeros(len(self.joint_names))
         if given is None:
             return np.broadcast_to(still, shape)
-        rates = as_array(given, self.joint_names, still, what)
+        rates = as_array(given, self.joint_names, still, label)
         try:
             return np.broadcast_to(rates, shape)
         except ValueError as error:
             raise InvalidValueError(
-                f"The {what} array of shape {rates.shape} does not match positions of "
+                f"The {label} array of shape {rates.shape} does not match positions of "
                 f"shape {shape}."
             ) from error
 

@@ -22,12 +22,12 @@ UNIT_TOLERANCE = 1e-12
 
 
 def checked(
-    what: str, numbers: Sequence[float], least: float = -MAX_VALUE
+    label: str, numbers: Sequence[float], least: float = -MAX_VALUE
 ) -> np.ndarray:
     """Check that numbers are finite and within bounds.
 
     Args:
-        what: What the numbers are, for the message.
+        label: What the numbers are, for the message.
         numbers: The numbers.
         least: Lower bound; the upper one is ``MAX_VALUE``.
 
@@ -40,7 +40,7 @@ def checked(
     array = np.array(numbers, dtype=float)
     if not ((array >= least) & (array <= MAX_VALUE)).all():
         raise DescriptionError(
-            f"{what[0].upper()}{what[1:]} has the numbers {array.tolist()}, "
+            f"{label[0].upper()}{label[1:]} has the numbers {array.tolist()}, "
             f"not all are from {least:g} to {MAX_VALUE:g}."
         )
     return array

@@ -49,7 +49,7 @@ MOST = (1 << 32) - 1
 """Largest uint32."""
 
 
-def count(what: str, number: Any, least: int) -> int:
+def count(label: str, number: Any, least: int) -> int:
     """Check a count.
 
     Raises:
@@ -61,7 +61,7 @@ def count(what: str, number: Any, least: int) -> int:
         found = -1
     if not least <= found <= MOST:
         raise InvalidValueError(
-            f"{what} must be a whole number of at least {least} (got {number!r})."
+            f"{label} must be a whole number of at least {least} (got {number!r})."
         )
     return found
 
@@ -382,7 +382,7 @@ class Client:
         """Wait until the robot is spawned; return its state."""
         why = ""
 
-        def ask() -> Any:
+        def call() -> Any:
             nonlocal why
             try:
                 return self._services.checked(
@@ -392,7 +392,7 @@ class Client:
                 why = str(error)
                 return None
 
-        answer = wait_until(ask, timeout, None, MASTER_PERIOD)
+        answer = wait_until(call, timeout, None, MASTER_PERIOD)
         if answer is None:
             raise NoAnswerError(f"No robot within {timeout:g} s: {why}")
         return answer

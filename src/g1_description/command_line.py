@@ -239,8 +239,8 @@ def within(
             value = math.nan
         if low <= value <= high:
             return value
-        what = "a whole number" if kind is int else "a number"
-        raise argparse.ArgumentTypeError(f"must be {what} {words} (got {text.strip()})")
+        noun = "a whole number" if kind is int else "a number"
+        raise argparse.ArgumentTypeError(f"must be {noun} {words} (got {text.strip()})")
 
     return read
 

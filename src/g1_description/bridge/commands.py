@@ -210,8 +210,8 @@ class JointCommands:
             )
         self._record(message, accepted, ignored)
         if ignored:
-            what = "Part of a joint command" if accepted else "A joint command"
-            text = f"{what} to {self._model} is ignored: {ignored}."
+            subject = "Part of a joint command" if accepted else "A joint command"
+            text = f"{subject} to {self._model} is ignored: {ignored}."
             self._log.warn(f"command {self._model}", text, SHORT_PERIOD)
         if clamped:
             text = f"A joint command to {self._model} is {clamped}."
@@ -321,8 +321,8 @@ class JointCommands:
             tally.sent += 1
             return None
         tally.refused += 1
-        what = listed([*names, *(["the base"] if base is not None else ())])
-        text = f"The simulator refused a command to {self._model} for {what}"
+        refused = listed([*names, *(["the base"] if base is not None else ())])
+        text = f"The simulator refused a command to {self._model} for {refused}"
         self._log.warn(
             f"refused {self._model}", f"{text}: {tally.reason}", SHORT_PERIOD
         )

@@ -61,7 +61,7 @@ class BridgeHealth:
         )
         self._is_paused = False
         """The simulator's last answer; False while states arrive."""
-        self._was_asked = False
+        self._was_queried = False
         """Whether it was asked since the last state."""
         self._updater = Updater()
         self._updater.setHardwareID("none")
@@ -93,7 +93,7 @@ class BridgeHealth:
             if is_silent:  # its answer may take any time
                 with contextlib.suppress(*SERVICE_ERRORS):
                     paused = self._physics().pause
-            self._is_paused, self._was_asked = paused, is_silent
+            self._is_paused, self._was_queried = paused, is_silent
 
     def _is_silent(self, age: float) -> bool:
         """Whether states of this age are late although the simulator is not paused."""
@@ -108,7 +108,7 @@ class BridgeHealth:
             if source.timeless:
                 text = "Waiting for /clock; nothing is published until then."
             self._log.warn("silence", text)
-        is_known = self._was_asked or (age or 0.0) > MAX_ANSWER_TIME
+        is_known = self._was_queried or (age or 0.0) > MAX_ANSWER_TIME
         if age is not None and self._is_silent(age) and is_known:
             text = f"No valid message on {source.topic} for {age:.0f} s"
             self._log.warn("silence", f"{text}: {self._reason}.")
@@ -211,9 +211,9 @@ def _report_recent(status, robot: RobotStatus) -> None:
 def _add_counts(status, robot: RobotStatus, scope: str) -> None:
     """Report counts of motions, and of clamped and ignored positions by joint."""
     # Copies: other threads count commands meanwhile.
-    for what, count in robot.motions.copy().items():
-        status.add(f"{scope}{what}", count)
+    for event, count in robot.motions.copy().items():
+        status.add(f"{scope}{event}", count)
     tally = robot.commands
-    for what, counts in (("clamped", tally.clamped), ("ignored", tally.ignored)):
+    for outcome, counts in (("clamped", tally.clamped), ("ignored", tally.ignored)):
         for name, count in counts.copy().items():
-            status.add(f"{what} {scope}{name or NAMELESS}", count)
+            status.add(f"{outcome} {scope}{name or NAMELESS}", count)

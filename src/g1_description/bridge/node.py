@@ -147,10 +147,10 @@ class BridgeNode:
             new = {*others} - {*robot.status.other_publishers}
             robot.status.other_publishers = others
             for node in sorted(new):
-                what = f"/clock and {robot.topic}" if node in clocks else robot.topic
+                topics = f"/clock and {robot.topic}" if node in clocks else robot.topic
                 self._log.warn(
                     f"publisher {node} {robot.topic}",
-                    f"{node} also publishes {what}: subscribers get both. To view a "
+                    f"{node} also publishes {topics}: subscribers get both. To view a "
                     "bag, stop this launch and use "
                     "roslaunch g1_description view.launch.",
                 )

@@ -175,11 +175,11 @@ def _robot(number: int, entry, controllers: tuple[dict, ...]) -> RobotParameters
     )
 
 
-def _check_prefix(what: str, prefix: str) -> None:
+def _check_prefix(kind: str, prefix: str) -> None:
     """Check that a prefix is also a valid tf_prefix of robot_state_publisher."""
     if prefix and (prefix.startswith("/") or not prefix.endswith("/")):
         raise InvalidValueError(
-            f"The {what} must end with a slash and not begin with one (got '{prefix}')."
+            f"The {kind} must end with a slash and not begin with one (got '{prefix}')."
         )
 
 

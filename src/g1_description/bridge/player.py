@@ -96,7 +96,7 @@ class MotionPlayer:
     ) -> None:
         self._status = status
         self._name = f"{gazebo}/set_model_trajectory"
-        self._plays_itself, self._asked = False, -math.inf
+        self._plays_itself, self._searched = False, -math.inf
         self._has_motors = False
         self._service = rospy.ServiceProxy(self._name, SetModelTrajectory)
         self._anchor = rospy.ServiceProxy(f"{gazebo}/set_anchor", SetAnchor)
@@ -141,7 +141,7 @@ class MotionPlayer:
 
     def stream(self, trajectory: Motion, start_ns: int | None = None) -> Played:
         """Like ``play``, without waiting: for a stream of configurations."""
-        if time.monotonic() > self._asked + ASK_PERIOD:
+        if time.monotonic() > self._searched + ASK_PERIOD:
             self._finds_service()
         if not self._plays_itself:
             return self._play_here(trajectory, start_ns)
@@ -302,7 +302,7 @@ class MotionPlayer:
             self._plays_itself = True
         except (rosgraph.MasterException, *SLAVE_API_ERRORS):
             self._plays_itself = False
-        self._asked = time.monotonic()
+        self._searched = time.monotonic()
         return self._plays_itself
 
     def _call(self, message: ModelTrajectory) -> Played:

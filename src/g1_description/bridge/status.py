@@ -65,10 +65,10 @@ class RobotStatus:
         """Time of its last state in [ns]; 0 before the first."""
         return 0 if self.state is None else self.state.stamp
 
-    def count(self, what: str) -> None:
+    def count(self, event: str) -> None:
         """Count one of its motions or base commands; thread-safe."""
         with self._counting:
-            self.motions[what] += 1
+            self.motions[event] += 1
 
     def record(
         self,

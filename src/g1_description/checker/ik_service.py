@@ -120,9 +120,9 @@ class IkService:
         else:
             state = self._present()
             if state is None or state.base_pose is None:
-                what = "state" if state is None else "base"
+                missing = "state" if state is None else "base"
                 raise InvalidValueError(
-                    f"The {what} of the robot is unknown: joint_state must have the "
+                    f"The {missing} of the robot is unknown: joint_state must have the "
                     "joints at which the search starts, or the checker needs a ~rate, "
                     "joint_states and TF."
                 )

@@ -161,22 +161,22 @@ def compare(
     times = times[(times >= first - SNAP) & (times <= last + SNAP)]
     if not times.size:
         raise MotionError("The motions have no common times.")
-    wanted, found = (
+    desired, found = (
         replace(motion.sampled(at), times=times, velocities=None)
         for motion, at in ((reference, times), (executed, times + shift))
     )
-    errors = np.abs(found.arranged(names).positions - wanted.arranged(names).positions)
-    no_bases = (replace(motion, base_poses=None) for motion in (wanted, found))
+    errors = np.abs(found.arranged(names).positions - desired.arranged(names).positions)
+    no_bases = (replace(motion, base_poses=None) for motion in (desired, found))
     from_root = _distances(robot, *no_bases)
     in_map = base_position = base_angle = None
-    if wanted.base_poses is not None and found.base_poses is not None:
-        in_map = _error(_distances(robot, wanted, found), times)
-        offsets = found.base_poses[:, :3] - wanted.base_poses[:, :3]
+    if desired.base_poses is not None and found.base_poses is not None:
+        in_map = _error(_distances(robot, desired, found), times)
+        offsets = found.base_poses[:, :3] - desired.base_poses[:, :3]
         base_position = _error(np.linalg.norm(offsets, axis=1), times)
-        angles = angle_between(wanted.base_poses[:, 3:], found.base_poses[:, 3:])
+        angles = angle_between(desired.base_poses[:, 3:], found.base_poses[:, 3:])
         base_angle = _error(angles, times)
     # Both at the same times, as what counts as sliding depends on the rate.
-    slips = [_slip(checker.check(motion, ["skating"])) for motion in (wanted, found)]
+    slips = [_slip(checker.check(motion, ["skating"])) for motion in (desired, found)]
     findings = []
     for finding in checker.check(executed).findings:
         rows = _rows(finding, times + shift)
@@ -271,21 +271,21 @@ def _mean_square(reference: Motion, executed: Motion, shift: float) -> float:
     is_common = (executed.times >= first + shift) & (executed.times <= last + shift)
     if not is_common.any():
         return np.inf
-    wanted = sample(reference, executed.times[is_common] - shift).positions
-    return float(np.mean((executed.positions[is_common] - wanted) ** 2))
+    desired = sample(reference, executed.times[is_common] - shift).positions
+    return float(np.mean((executed.positions[is_common] - desired) ** 2))
 
 
-def _distances(robot: Description, wanted: Motion, found: Motion) -> np.ndarray:
+def _distances(robot: Description, desired: Motion, found: Motion) -> np.ndarray:
     """Compute the mean distance of links in two motions, in [m], shape (n,).
 
     Both have the same times; without a base, it is at the origin.
     """
     links = [row for row, name in enumerate(robot.link_names) if name != WORLD]
     kinematics, T_base_root = Kinematics(robot), root_in_base(robot)
-    distances = np.empty(len(wanted.times))
+    distances = np.empty(len(desired.times))
     for begin in range(0, len(distances), BATCH):
         part, places = slice(begin, begin + BATCH), []
-        for motion in (wanted, found):
+        for motion in (desired, found):
             positions = of_robot(motion.joint_names, motion.positions[part], robot)
             base = np.tile(IDENTITY, (len(positions), 1))
             if motion.base_poses is not None:

@@ -29,13 +29,13 @@ from g1_description.cli.running_system import (
     RunningSystem,
     addresses_of,
     are_loopback,
-    ask,
     call,
     failed_imports,
     first_message,
     host_of,
     is_own,
     listen,
+    query,
     reason_of,
 )
 from g1_description.cli.start import is_shut_down
@@ -170,7 +170,7 @@ def check_master(system: RunningSystem) -> Fault | str:
         )
     system.master_is_here = any(map(is_own, addresses_of(host)))
     try:
-        ask(uri, "getPid")
+        query(uri, "getPid")
     except (OSError, LookupError) as error:
         fix = DISPLAY if system.master_is_here else f"ssh {host} roscore"
         return Fault("no_master", f"No ROS master at {uri}: {reason_of(error)}.", fix)
@@ -201,9 +201,9 @@ def check_address(system: RunningSystem) -> Fault | str:
 
 def check_nodes(system: RunningSystem) -> Fault | str:
     """Ask all nodes for their processes."""
-    nodes = system.ask_graph()
+    nodes = system.read_graph()
     with ThreadPoolExecutor(16) as pool:
-        faults = list(pool.map(lambda node: _ask_node(system, node), nodes))
+        faults = list(pool.map(lambda node: _query_node(system, node), nodes))
     for fault in filter(None, faults):
         return fault
     system.leave_out_silent()
@@ -213,16 +213,16 @@ def check_nodes(system: RunningSystem) -> Fault | str:
     )
 
 
-def _ask_node(system: RunningSystem, node: str) -> Fault | None:
+def _query_node(system: RunningSystem, node: str) -> Fault | None:
     """Query a node; record it if it answers."""
     try:
-        uri = str(ask(system.uri, "lookupNode", node))
+        uri = str(query(system.uri, "lookupNode", node))
     except LookupError:
         return None  # it has just unregistered
     addresses = addresses_of(host_of(uri))
     is_here = any(map(is_own, addresses))
     try:
-        system.pids[node] = int(ask(uri, "getPid"))
+        system.pids[node] = int(query(uri, "getPid"))
         system.here.update({node} if is_here else ())
         return None
     except (OSError, LookupError) as error:
@@ -337,8 +337,8 @@ def _launch(system: RunningSystem, file: str) -> str:
     return f"roslaunch g1_description {file}{' sim:=gazebo' * system.is_gazebo}"
 
 
-def _silent(name: str, node: str, what: str, fix: str) -> Fault:
-    message = f"{node} runs, but nothing came from {what} within {WAIT:g} s."
+def _silent(name: str, node: str, source: str, fix: str) -> Fault:
+    message = f"{node} runs, but nothing came from {source} within {WAIT:g} s."
     return Fault(name, message, fix)
 
 

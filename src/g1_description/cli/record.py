@@ -100,9 +100,9 @@ def _check_place(out: Path, force: bool) -> None:
             f"Unknown format of {out}: it must end in {' or '.join(ENDINGS)}."
         )
     if out.is_dir() or (out.exists() and not force):
-        what = "folder" if out.is_dir() else "file"
+        kind = "folder" if out.is_dir() else "file"
         hint = "" if out.is_dir() else "; use --force to replace it"
-        raise InvalidValueError(f"The {what} {out} already exists{hint}.")
+        raise InvalidValueError(f"The {kind} {out} already exists{hint}.")
     trial = out.with_name(f".{out.name}.trial")
     try:
         trial.touch()
@@ -179,13 +179,13 @@ class _Stop:
     """A stop request by a signal, after which the recording is saved."""
 
     def __init__(self) -> None:
-        self.is_wanted = False
+        self.is_requested = False
         signal.set_wakeup_fd(-1)
         handle_signals(self._take)
 
     def _take(self, *_: object) -> None:
         """Record a signal, without locks; the next SIGINT interrupts."""
-        self.is_wanted = True
+        self.is_requested = True
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
@@ -233,7 +233,7 @@ def _follow(recorder: Recorder, states: States, stop: _Stop) -> None:
         if is_quiet and not was_reported:
             notify(f"no messages on {states.topic}; is time paused?")
         was_reported = is_quiet
-        return recorder.is_over or stop.is_wanted
+        return recorder.is_over or stop.is_requested
 
     with suppress(rospy.ROSInterruptException):  # the recording is saved
         wait_until(is_over, period=POLL_PERIOD)

@@ -300,8 +300,8 @@ def find_model(links: Sequence[str], robot: Description, namespace: str = "") ->
         return namespace
     if len(found) == 1:
         return found[0]
-    error, what = UnknownNameError, f"its models: {listed(counts) or 'none'}"
+    error, reason = UnknownNameError, f"its models: {listed(counts) or 'none'}"
     if found:
         error = SeveralModelsError
-        what = f"several match, {listed(found)}: choose one with --model"
-    raise error(f"Cannot find the model of '{robot.name}' in the simulator; {what}.")
+        reason = f"several match, {listed(found)}: choose one with --model"
+    raise error(f"Cannot find the model of '{robot.name}' in the simulator; {reason}.")

@@ -83,7 +83,7 @@ def within(seconds: float, function: Callable[..., Any], *given: Any) -> Any:
     return value
 
 
-def ask(uri: str, method: str, *given: Any) -> Any:
+def query(uri: str, method: str, *given: Any) -> Any:
     """Call a method of the master or a node, by ROS' XML-RPC interface.
 
     Raises:
@@ -268,10 +268,11 @@ class RunningSystem:
         self.links: tuple[list[str], np.ndarray] = None  # type: ignore[assignment]
         """Scoped names and poses, shape (n, 7), of the simulator's links."""
 
-    def ask_graph(self) -> list[str]:
+    def read_graph(self) -> list[str]:
         """Ask the master for publishers, subscribers and services; return all nodes."""
         tables = [
-            defaultdict(list, dict(table)) for table in ask(self.uri, "getSystemState")
+            defaultdict(list, dict(table))
+            for table in query(self.uri, "getSystemState")
         ]
         self.publishers, self.subscribers, self.services = tables
         return sorted({n for table in tables for ns in table.values() for n in ns})
@@ -285,7 +286,7 @@ class RunningSystem:
     def parameter(self, name: str, default: Any = None) -> Any:
         """Ask the master for a parameter."""
         try:
-            return ask(self.uri, "getParam", name)
+            return query(self.uri, "getParam", name)
         except LookupError:
             return default
 

@@ -213,8 +213,8 @@ def _model_file(folder: Path) -> Path:
     name = "" if best is None else (best.text or "").strip()
     file = folder / (name or ".")
     if not file.is_file():
-        what = f"names {name}, which is not a file" if name else "names no SDF file"
-        raise DescriptionError(f"{config} {what}.")
+        fault = f"names {name}, which is not a file" if name else "names no SDF file"
+        raise DescriptionError(f"{config} {fault}.")
     return file
 
 

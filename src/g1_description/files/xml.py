@@ -55,11 +55,11 @@ def decoded(data: bytes, errors: str = "strict") -> str:
     return data.decode("utf-8", errors)
 
 
-def check_size(what: str, size: int) -> None:
+def check_size(label: str, size: int) -> None:
     """Check the size of a robot description or model.
 
     Args:
-        what: Subject of the message, such as "The robot description".
+        label: Subject of the message, such as "The robot description".
         size: In bytes.
 
     Raises:
@@ -67,7 +67,7 @@ def check_size(what: str, size: int) -> None:
     """
     if size > MAX_SIZE:
         raise DescriptionError(
-            f"{what} is {size / 1e6:.6g} MB; the limit is {MAX_SIZE / 1e6:.0f} MB."
+            f"{label} is {size / 1e6:.6g} MB; the limit is {MAX_SIZE / 1e6:.0f} MB."
         )
 
 
@@ -90,11 +90,11 @@ def _without_declaration(text: str) -> str:
     return declaration[1] + text[declaration.end() :] if declaration else text
 
 
-def parse_xml(what: str, text: str, keep_comments: bool = False) -> etree._Element:
+def parse_xml(label: str, text: str, keep_comments: bool = False) -> etree._Element:
     """Read a document.
 
     Args:
-        what: Kind of document for messages, such as "robot description".
+        label: Kind of document for messages, such as "robot description".
         text: XML; its declaration is ignored.
         keep_comments: Whether to keep comments and processing instructions.
 
@@ -118,9 +118,9 @@ def parse_xml(what: str, text: str, keep_comments: bool = False) -> etree._Eleme
     except (SyntaxError, ValueError) as error:
         # The text of a ParseError contains a file name that does not exist.
         why = next(iter(_faults(parser)), getattr(error, "msg", None) or error)
-        raise DescriptionError(f"The {what} is not XML: {why}.") from error
+        raise DescriptionError(f"The {label} is not XML: {why}.") from error
     if root.getroottree().docinfo.doctype:
-        raise DescriptionError(f"The {what} has a DOCTYPE, which is not allowed.")
+        raise DescriptionError(f"The {label} has a DOCTYPE, which is not allowed.")
     return root
 
 

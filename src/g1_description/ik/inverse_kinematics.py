@@ -196,8 +196,8 @@ class IkPath:
         if not missed:
             return ""
         first, count = missed[0], f"{len(missed)} of {len(self.results)} samples"
-        time, what = self.motion.times[first], self.results[first].message
-        return f"Not all is reached in {count}, first at {time:.2f} s. {what}"
+        time, message = self.motion.times[first], self.results[first].message
+        return f"Not all is reached in {count}, first at {time:.2f} s. {message}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -457,12 +457,12 @@ class InverseKinematics:
         """Read targets; messages say when they are."""
         _check_mapping("targets", targets)
         weights, points = options.weights or {}, options.points or {}
-        for what, given in (("weight", weights), ("point", points)):
-            _check_mapping(f"{what}s", given)
+        for option, given in (("weight", weights), ("point", points)):
+            _check_mapping(f"{option}s", given)
             unknown = [name for name in given if name not in targets]
             if unknown:
                 raise UnknownNameError(
-                    f"There is a {what} but no target of {listed(unknown)}."
+                    f"There is a {option} but no target of {listed(unknown)}."
                 )
         tasks: dict[str, LinkTask] = {}
         names: dict[int, str] = {}
@@ -521,7 +521,7 @@ class InverseKinematics:
             has_rotation = bool(task.weights[3:].any())
             errors[name] = TargetError(position, rotation if has_rotation else None)
         far = [
-            f"{name} is {_told(error)} from its target"
+            f"{name} is {_error_text(error)} from its target"
             for name, error in errors.items()
             if error.position > TOLERANCE[0] or (error.rotation or 0.0) > TOLERANCE[1]
         ]
@@ -548,11 +548,11 @@ def _weights(is_oriented: bool) -> np.ndarray:
     return np.repeat([1.0, ROTATION_WEIGHT * is_oriented], 3)
 
 
-def _check_mapping(what: str, given: object) -> None:
+def _check_mapping(label: str, given: object) -> None:
     """Refuse what is no dictionary."""
     if not isinstance(given, Mapping):
         raise InvalidValueError(
-            f"{what} must be a dictionary by link (got {str(given)[:80]})."
+            f"{label} must be a dictionary by link (got {str(given)[:80]})."
         )
 
 
@@ -640,7 +640,7 @@ def _pose(name: str, given: Any) -> tuple[np.ndarray, bool]:
     return np.concatenate([numbers[:3], normalized(numbers[3:])]), True
 
 
-def _told(error: TargetError) -> str:
+def _error_text(error: TargetError) -> str:
     """Write an error as text."""
     is_far = error.position >= 1.0
     text = f"{error.position:.2f} m" if is_far else f"{1e3 * error.position:.3g} mm"

@@ -278,10 +278,10 @@ class Posing:
         """
         self._step("redo", self._undone, self._past)
 
-    def _step(self, what: str, source: list[Placed], other: list[Placed]) -> None:
+    def _step(self, action: str, source: list[Placed], other: list[Placed]) -> None:
         """Move from one list of configurations to the other."""
         if not source:
-            raise InvalidValueError(f"There is nothing to {what}.")
+            raise InvalidValueError(f"There is nothing to {action}.")
         other.append(self._present())
         self._go(source.pop())
 

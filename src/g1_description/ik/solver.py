@@ -167,9 +167,9 @@ class IkSolver:
         poses = jacobians.link_poses[[task.link for task in tasks]].reshape(-1, 7)
         offsets = np.array([task.point for task in tasks]).reshape(-1, 3)
         points = poses[:, :3] + rotate(poses[:, 3:], offsets)
-        wanted = np.array([task.pose for task in tasks]).reshape(-1, 7)
-        turns = multiply(wanted[:, 3:], conjugate(poses[:, 3:]))
-        moves = [wanted[:, :3] - points, to_rotation_vector(turns)]
+        goals = np.array([task.pose for task in tasks]).reshape(-1, 7)
+        turns = multiply(goals[:, 3:], conjugate(poses[:, 3:]))
+        moves = [goals[:, :3] - points, to_rotation_vector(turns)]
         free = np.array([task.weights for task in tasks]).reshape(-1, 6) == 0.0
         displacements = np.where(free, 0.0, np.concatenate(moves, axis=-1))
         approaches = [limit.approach(jacobians) for limit in bounds.limits]
@@ -193,11 +193,11 @@ class IkSolver:
         """
         now, bounds, tasks = view.configuration, view.bounds, view.tasks
         weights = np.array([task.weights for task in tasks]).reshape(-1, 6)
-        wanted = (weights * view.displacements).ravel()
+        desired = (weights * view.displacements).ravel()
         matrix = view.jacobians.of_links([task.link for task in tasks], view.points)
         columns = matrix.shape[-1]
-        matrix = (weights[..., np.newaxis] * matrix).reshape(len(wanted), columns)
-        hessian, gradient = matrix.T @ matrix, -matrix.T @ wanted
+        matrix = (weights[..., np.newaxis] * matrix).reshape(len(desired), columns)
+        hessian, gradient = matrix.T @ matrix, -matrix.T @ desired
         every = np.arange(len(gradient))
         joints = every[6:]
         gradient[6:] -= POSTURE**2 * (posture - now.position)

@@ -202,12 +202,12 @@ def make_mesh(
             data, changes = _as_stl(data, parts)
             count = len(read_stl(data))
             kept = MeshFile(path, data=data, triangles=count, changes=changes)
-    wants_hull = is_collision and options.convex_collisions
-    if not wants_hull and options.most_triangles is None:
+    is_convex = is_collision and options.convex_collisions
+    if not is_convex and options.most_triangles is None:
         return kept
     if triangles is None or kind == ".dae":
         return kept.kept(f"{kind} meshes are not converted")
-    if wants_hull:
+    if is_convex:
         return _hull(kept, triangles, scale, options)
     if kind == ".obj" and any(side_files_of(path)):
         return kept.kept("it would lose its materials")

@@ -115,9 +115,9 @@ def open_robot(model: ModelText) -> ImportedRobot:
         kind, name = _owner(element)
         if kind:
             path = find_file(element.get("filename", ""), folder, find_folder)
-            whose = kind if kind == "material" else f"{kind} of link"
+            owner = kind if kind == "material" else f"{kind} of link"
             references.append(
-                Reference(element, f"{whose} {name}", path, kind == "collision")
+                Reference(element, f"{owner} {name}", path, kind == "collision")
             )
     findings = [f"{text[0].upper()}{text[1:]}." for text in description.unread]
     return ImportedRobot(model.path, description, root, references, changes, findings)

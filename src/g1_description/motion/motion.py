@@ -94,11 +94,11 @@ class Motion:
         twice = [name for name in dict.fromkeys(names) if names.count(name) > 1]
         raise MotionError(f"The motion has duplicate joints: {listed(twice)}.")
 
-    def _check(self, what: str, array: np.ndarray, shape: tuple[int, ...]) -> None:
+    def _check(self, label: str, array: np.ndarray, shape: tuple[int, ...]) -> None:
         """Check one array's shape and numbers."""
         if array.shape != shape:
             raise MotionError(
-                f"The {what} array of the motion must have the shape {shape} (got "
+                f"The {label} array of the motion must have the shape {shape} (got "
                 f"{array.shape})."
             )
         with np.errstate(invalid="ignore"):  # NaN is not within bounds
@@ -106,7 +106,7 @@ class Motion:
         if not fits.all():
             first = tuple(np.argwhere(~fits)[0])
             raise MotionError(
-                f"The {what} of sample {first[0] + 1} must be within +-{MAX_VALUE:g} "
+                f"The {label} of sample {first[0] + 1} must be within +-{MAX_VALUE:g} "
                 f"(got {array[first]})."
             )
 

@@ -136,9 +136,9 @@ def named_motors(profile: Profile, name: str) -> Path:
         files = {file.stem[len(usual.stem) + 1 :]: file for file in sorted(found)}
     if name in files:
         return files[name]
-    whose = f"The profile {profile.name}" if profile.name else "A robot without profile"
+    owner = f"The profile {profile.name}" if profile.name else "A robot without profile"
     known = listed(files) if files else "the usual ones"
-    raise NoSuchMotorsError(f"{whose} has no motors '{name}'. Known motors: {known}.")
+    raise NoSuchMotorsError(f"{owner} has no motors '{name}'. Known motors: {known}.")
 
 
 def read_motors(file: Path) -> Motors:

@@ -62,7 +62,7 @@ class Playback:
         self.is_single = len(trajectory.times) == 1
         """Whether it is a single configuration."""
         self._trajectory = trajectory
-        self._asked_ns = self._step_ns = 0
+        self._sampled_ns = self._step_ns = 0
         self._ahead: tuple[int, Sample] | None = None
         """Time in [ns] of the first of several configurations, and them."""
         self._n_reached = 0
@@ -134,7 +134,7 @@ class Playback:
 
     def _sampled(self, time_ns: int) -> tuple[Sample, int]:
         """Sample it; return configurations, and the index of that at the time."""
-        step, self._asked_ns = time_ns - self._asked_ns, time_ns
+        step, self._sampled_ns = time_ns - self._sampled_ns, time_ns
         is_steady, self._step_ns = step == self._step_ns > 0, step
         if is_steady and self._ahead is not None:
             index, rest = divmod(time_ns - self._ahead[0], step)

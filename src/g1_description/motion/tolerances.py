@@ -112,11 +112,11 @@ def _joint_constraints(found: Any, joint: str) -> dict[str, float]:
     return {key: _number(value, f"{joint}/{key}") for key, value in found.items()}
 
 
-def _number(value: Any, what: str) -> float:
+def _number(value: Any, label: str) -> float:
     """Check one number."""
     if type(value) not in (int, float) or not 0.0 <= value <= MAX_VALUE:
         raise InvalidValueError(
-            f"constraint {what} must be a number from 0 to {MAX_VALUE:g} (got "
+            f"constraint {label} must be a number from 0 to {MAX_VALUE:g} (got "
             f"{value!r})"
         )
     return float(value)
@@ -172,10 +172,10 @@ def _applied(
     return np.where(found > 0.0, found, np.inf)
 
 
-def _chosen(default: float, requested: float, what: str) -> float:
+def _chosen(default: float, requested: float, label: str) -> float:
     """Choose between a default and a request; zero means the default."""
     if math.isnan(requested):
-        raise InvalidValueError(f"The {what} must not be NaN.")
+        raise InvalidValueError(f"The {label} must not be NaN.")
     return float(default) if requested == 0.0 else max(requested, 0.0)
 
 
@@ -199,8 +199,8 @@ def worst_violation(
         excess = np.where(too_large, np.abs(errors) / tolerances, 0.0)
     worst = int(np.argmax(np.where(np.isnan(excess), np.inf, excess)))
     row, column = divmod(worst, len(joint_names))
-    what = ("position", "velocity")[row]
+    quantity = ("position", "velocity")[row]
     return (
         f"{joint_names[column]} is {abs(errors[row, column]):.3g} off its desired "
-        f"{what} (tolerance {tolerances[row, column]:.3g})"
+        f"{quantity} (tolerance {tolerances[row, column]:.3g})"
     )

@@ -242,8 +242,8 @@ def _finding(finding: Finding, description: Description) -> dict[str, Any]:
     if rule.namespace:
         text = rule.label.format(subject=text)
     else:
-        what = finding.check.replace("_", " ")
-        text = f"{what} {text}" if finding.subject else what
+        check = finding.check.replace("_", " ")
+        text = f"{check} {text}" if finding.subject else check
     return {
         "failed": finding.severity == FAILED,
         "time": finding.worst_time,

@@ -17,7 +17,10 @@ JointValues = Union["Mapping[str, Any]", "Sequence[Any]", np.ndarray]
 
 
 def as_array(
-    given: JointValues, joints: Sequence[str], rest: np.ndarray, what: str = "position"
+    given: JointValues,
+    joints: Sequence[str],
+    rest: np.ndarray,
+    label: str = "position",
 ) -> np.ndarray:
     """Arrange numbers in the order of a robot's joints.
 
@@ -26,7 +29,7 @@ def as_array(
             arrays of shape (...).
         joints: Names of the robot's movable joints.
         rest: Numbers of joints that a dictionary does not contain, shape (n_joints,).
-        what: Meaning of the numbers, for messages.
+        label: Meaning of the numbers, for messages.
 
     Returns:
         A new array, shape (..., n_joints).
@@ -36,19 +39,19 @@ def as_array(
         InvalidValueError: If shapes do not fit, or a number is not finite.
     """
     if isinstance(given, Mapping):
-        array = _from_names(given, joints, rest, what)
+        array = _from_names(given, joints, rest, label)
     else:
-        array = as_numbers(given, what)
+        array = as_numbers(given, label)
         if array.ndim == 0 or array.shape[-1] != len(joints):
             raise InvalidValueError(
-                f"The last axis of the {what} array must have the {len(joints)} "
+                f"The last axis of the {label} array must have the {len(joints)} "
                 f"joints (got shape {array.shape})."
             )
     wrong = np.argwhere(~np.isfinite(array))
     if len(wrong):
         first = tuple(wrong[0])
         raise InvalidValueError(
-            f"The {what} of {joints[first[-1]]} must be finite (got {array[first]})."
+            f"The {label} of {joints[first[-1]]} must be finite (got {array[first]})."
         )
     return array
 
@@ -68,18 +71,18 @@ def check_names(names: Sequence[str], joints: Sequence[str]) -> None:
 
 
 def _from_names(
-    given: Mapping[str, Any], joints: Sequence[str], rest: np.ndarray, what: str
+    given: Mapping[str, Any], joints: Sequence[str], rest: np.ndarray, label: str
 ) -> np.ndarray:
     """Arrange numbers that are given by name."""
     check_names(list(given), joints)
     columns = [joints.index(name) for name in given]
-    values = [as_numbers(value, f"{what} of {name}") for name, value in given.items()]
+    values = [as_numbers(value, f"{label} of {name}") for name, value in given.items()]
     try:
         rows = np.broadcast_arrays(*values)
     except ValueError as error:
         shapes = listed(f"{name} {v.shape}" for name, v in zip(given, values))
         raise InvalidValueError(
-            f"The shapes of each {what} do not match: {shapes}."
+            f"The shapes of each {label} do not match: {shapes}."
         ) from error
     array = np.empty((*(rows[0].shape if rows else ()), len(joints)))
     array[...] = rest
@@ -88,13 +91,13 @@ def _from_names(
     return array
 
 
-def as_numbers(given: Any, what: str) -> np.ndarray:
+def as_numbers(given: Any, label: str) -> np.ndarray:
     """Convert to a new array of numbers."""
     try:
         return np.array(given, dtype=float)
     except (TypeError, ValueError) as error:
         raise InvalidValueError(
-            f"The {what} must be an array of numbers (got {str(given)[:80]})."
+            f"The {label} must be an array of numbers (got {str(given)[:80]})."
         ) from error
 
 

@@ -306,9 +306,9 @@ def _write_rpy(robot: etree._Element) -> None:
         for origin in robot.iterfind(path):
             if "quat_xyzw" not in origin.attrib or "rpy" in origin.attrib:
                 continue
-            what = f"quat_xyzw of {_owner(origin)}"
-            values = numbers(what, origin.attrib.pop("quat_xyzw"), 4, least=4)
-            quaternion = unit(what, checked(f"the {what}", values))
+            label = f"quat_xyzw of {_owner(origin)}"
+            values = numbers(label, origin.attrib.pop("quat_xyzw"), 4, least=4)
+            quaternion = unit(label, checked(f"the {label}", values))
             origin.set("rpy", _row(axes_to_rpy(to_axes(quaternion))))
 
 

@@ -63,11 +63,11 @@ def flag(parent: etree._Element, tag: str, default: bool, owner: str) -> bool:
     return _FLAGS.get(text, default)
 
 
-def numbers(what: str, text: str, count: int, least: int = 1) -> list[float]:
+def numbers(label: str, text: str, count: int, least: int = 1) -> list[float]:
     """Read some numbers, which may still be NaN or infinite.
 
     Args:
-        what: Their meaning, for messages.
+        label: Their meaning, for messages.
         text: Numbers separated by white space; text after the needed ones, such as a
             unit, is ignored.
         count: Number of needed numbers.
@@ -85,10 +85,10 @@ def numbers(what: str, text: str, count: int, least: int = 1) -> list[float]:
         values.append(float(found[0]))
         end = found.end()
     if len(values) < count and text[end:].strip():
-        raise DescriptionError(f"The {what} must be a number (got '{_short(text)}').")
+        raise DescriptionError(f"The {label} must be a number (got '{_short(text)}').")
     if len(values) < least:
         raise DescriptionError(
-            f"The {what} must have {least} numbers (got '{_short(text)}')."
+            f"The {label} must have {least} numbers (got '{_short(text)}')."
         )
     return values
 
@@ -104,11 +104,11 @@ def filled(values: list[float], count: int) -> list[float]:
     return [*kept, *[0.0] * (count - len(kept))]
 
 
-def read_as(what: str, text: str, count: int) -> str:
+def read_as(label: str, text: str, count: int) -> str:
     """Describe how a text is read if it does not have exactly the needed numbers.
 
     Args:
-        what: Their meaning.
+        label: Their meaning.
         text: Text in the file, not empty.
         count: Number of needed numbers.
 
@@ -119,11 +119,11 @@ def read_as(what: str, text: str, count: int) -> str:
     if len(words) == count and all(_NUMBER.fullmatch(word) for word in words):
         return ""
     try:
-        values = filled(numbers(what, text, count), count)
+        values = filled(numbers(label, text, count), count)
     except DescriptionError:
         return ""
     meant = " ".join(f"{value:g}" for value in values)
-    return f"{what} is '{_short(text)}' and is read as {meant}"
+    return f"{label} is '{_short(text)}' and is read as {meant}"
 
 
 def vector(
@@ -148,9 +148,9 @@ def vector(
     Raises:
         DescriptionError: If they are not numbers, or out of bounds.
     """
-    text, what, count = text_of(parent, tag), f"{tag} of {owner}", len(default)
-    values = filled(numbers(what, text, count), count) if text else default
-    return checked(f"the {what}", values, least)
+    text, label, count = text_of(parent, tag), f"{tag} of {owner}", len(default)
+    values = filled(numbers(label, text, count), count) if text else default
+    return checked(f"the {label}", values, least)
 
 
 def number(
@@ -169,27 +169,27 @@ def optional(parent: etree._Element | None, tag: str, owner: str) -> float | Non
     return number(parent, tag, 0.0, owner, 0.0) if text_of(parent, tag) else None
 
 
-def friction(what: str, text: str) -> float:
+def friction(label: str, text: str) -> float:
     """Read a coefficient of friction: a negative one is infinite, as in Gazebo.
 
     Args:
-        what: Its meaning, for messages.
+        label: Its meaning, for messages.
         text: One number.
 
     Raises:
         DescriptionError: If it is not a number.
     """
-    mu = numbers(what, text, 1)[0]
+    mu = numbers(label, text, 1)[0]
     if mu < 0.0 or mu > MAX_VALUE:
         return np.inf
-    return float(checked(f"the {what}", [mu])[0])
+    return float(checked(f"the {label}", [mu])[0])
 
 
-def unit(what: str, direction: np.ndarray) -> np.ndarray:
+def unit(label: str, direction: np.ndarray) -> np.ndarray:
     """Scale a direction to unit length.
 
     Args:
-        what: Its meaning, for messages.
+        label: Its meaning, for messages.
         direction: Any vector, shape (n,).
 
     Raises:
@@ -197,7 +197,7 @@ def unit(what: str, direction: np.ndarray) -> np.ndarray:
     """
     length = np.linalg.norm(direction)
     if length == 0.0:
-        raise DescriptionError(f"The {what} must not be zero.")
+        raise DescriptionError(f"The {label} must not be zero.")
     return direction / length
 
 
@@ -215,7 +215,7 @@ def pose_of(element: etree._Element, owner: str) -> tuple[np.ndarray, str]:
     Raises:
         DescriptionError: If it is not a pose.
     """
-    pose, what = element.find("pose"), f"pose of {owner}"
+    pose, label = element.find("pose"), f"pose of {owner}"
     if pose is None:
         return IDENTITY, ""
     frame = pose.get("relative_to") or pose.get("frame") or ""
@@ -223,9 +223,9 @@ def pose_of(element: etree._Element, owner: str) -> tuple[np.ndarray, str]:
     if not text:
         return IDENTITY, frame
     if pose.get("rotation_format") == "quat_xyzw":
-        values = checked(f"the {what}", numbers(what, text, 7, least=7))
-        return np.concatenate([values[:3], unit(what, values[3:])]), frame
-    values = checked(f"the {what}", filled(numbers(what, text, _POSE), _POSE))
+        values = checked(f"the {label}", numbers(label, text, 7, least=7))
+        return np.concatenate([values[:3], unit(label, values[3:])]), frame
+    values = checked(f"the {label}", filled(numbers(label, text, _POSE), _POSE))
     degrees = _FLAGS.get(pose.get("degrees", "").lower(), False)
     rpy = np.radians(values[3:]) if degrees else values[3:]
     return np.concatenate([values[:3], from_rpy(rpy)]), frame

@@ -125,13 +125,13 @@ def joint_states_to_arrays(
         InvalidValueError: If lengths differ, or a name is repeated.
     """
     names = tuple(message.name)
-    for what, numbers in (
+    for label, numbers in (
         ("position", message.position),
         ("velocity", message.velocity or message.position),
     ):
         if len(names) != len(numbers):
             raise InvalidValueError(
-                f"joint_state must have one {what} per name (got {len(numbers)} for "
+                f"joint_state must have one {label} per name (got {len(numbers)} for "
                 f"{len(names)} names)."
             )
     if len({*names}) != len(names):

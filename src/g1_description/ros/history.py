@@ -142,7 +142,7 @@ class HistoryClient:
             NoAnswerError: If there is no bridge.
             RefusedError: If it keeps no history, or has no such state.
         """
-        answer = self._ask(
+        answer = self._request(
             last=last,
             as_of=stamp_from_ns(as_of),
             begin=stamp_from_ns(begin),
@@ -200,7 +200,7 @@ class HistoryClient:
             NoAnswerError: If there is no bridge.
             RefusedError: If it keeps no history, or has no such state.
         """
-        answer = self._ask(
+        answer = self._request(
             last=last,
             begin=stamp_from_ns(begin),
             end=stamp_from_ns(end),
@@ -211,7 +211,7 @@ class HistoryClient:
         parts = [_part(answer)]
         while not answer.is_complete:
             newest = int(parts[-1].stretch.stamps[-1])
-            answer = self._ask(
+            answer = self._request(
                 begin=stamp_from_ns(newest + 1),
                 end=until,
                 run=answer.run,
@@ -220,7 +220,7 @@ class HistoryClient:
             parts.append(_part(answer))
         return replace(parts[0], stretch=joined([part.stretch for part in parts]))
 
-    def _ask(self, **request: Any) -> GetHistoryResponse:
+    def _request(self, **request: Any) -> GetHistoryResponse:
         """Call the service; again, if the connection was of a bridge that has ended."""
         with self._lock:
             is_new = self._service is None

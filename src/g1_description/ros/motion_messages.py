@@ -156,14 +156,14 @@ def _check_all_have_velocities(points: Sequence[JointTrajectoryPoint]) -> None:
 
 
 def _rows(
-    points: Sequence[JointTrajectoryPoint], what: str, n_joints: int
+    points: Sequence[JointTrajectoryPoint], field: str, n_joints: int
 ) -> np.ndarray:
     """Return the positions or velocities of all points, shape (n, n_joints)."""
-    rows = [getattr(point, what) for point in points]
+    rows = [getattr(point, field) for point in points]
     for number, row in enumerate(rows, 1):
         if len(row) != n_joints:
             raise MotionError(
-                f"Point {number} must have {n_joints} {what} (got {len(row)})."
+                f"Point {number} must have {n_joints} {field} (got {len(row)})."
             )
     return np.array(rows, dtype=float)
 

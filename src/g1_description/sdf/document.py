@@ -128,22 +128,22 @@ def _move_out(entity: etree._Element) -> None:
                 entity.addprevious(child)
 
 
-def _document(what: str, text: str, left_out: list[str]) -> etree._Element:
+def _document(label: str, text: str, left_out: list[str]) -> etree._Element:
     """Read one document, converted to the latest version."""
-    root = parse_xml(what, text)
+    root = parse_xml(label, text)
     if root.tag != "sdf":
         raise DescriptionError(
-            f"The root element of the {what} must be sdf (got {root.tag})."
+            f"The root element of the {label} must be sdf (got {root.tag})."
         )
     if not len(root):
-        raise DescriptionError(f"The {what} has no model, light or world.")
+        raise DescriptionError(f"The {label} has no model, light or world.")
     version = root.get("version", "")
     number = version_number(version)
     if number == _CONVERTED:
-        left_out.append(f"{what} of version 1.3 is read as version 1.4")
+        left_out.append(f"{label} of version 1.3 is read as version 1.4")
     elif number is None or not _OLDEST <= number <= NEWEST:
         of = f"of version '{version}'" if version else "without version"
-        left_out.append(f"{what} {of} is read as version {NEWEST[0]}.{NEWEST[1]}")
+        left_out.append(f"{label} {of} is read as version {NEWEST[0]}.{NEWEST[1]}")
         return root
     _convert(root, number)
     return root

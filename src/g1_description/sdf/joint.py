@@ -156,8 +156,8 @@ def _most(limit: etree._Element | None, tag: str, owner: str) -> float:
 
 def _limit(limit: etree._Element | None, tag: str, none: float, owner: str) -> float:
     """Read a limit; very large numbers mean none."""
-    text, what = text_of(limit, tag), f"{tag} limit of {owner}"
-    value = numbers(what, text, 1)[0] if text else none
+    text, label = text_of(limit, tag), f"{tag} limit of {owner}"
+    value = numbers(label, text, 1)[0] if text else none
     if np.isnan(value):
-        raise DescriptionError(f"The {what} must be a number (got '{text}').")
+        raise DescriptionError(f"The {label} must be a number (got '{text}').")
     return value if abs(value) <= MAX_VALUE else np.copysign(np.inf, value)

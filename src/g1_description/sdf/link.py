@@ -209,6 +209,6 @@ def _color(
     light: etree._Element, tag: str, default: tuple[float, ...]
 ) -> tuple[float, ...]:
     """Read a colour: red, green, blue and optionally alpha, by default 1."""
-    text, what = text_of(light, tag), f"{tag} of light {name_of(light)}"
-    values = numbers(what, text, 4, least=3) if text else default
-    return tuple(checked(f"the {what}", [*values, 1.0][:4]).tolist())
+    text, label = text_of(light, tag), f"{tag} of light {name_of(light)}"
+    values = numbers(label, text, 4, least=3) if text else default
+    return tuple(checked(f"the {label}", [*values, 1.0][:4]).tolist())

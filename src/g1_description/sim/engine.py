@@ -230,8 +230,8 @@ class Engine(ABC):
         try:
             return motors_of(description, given or ""), ()
         except NoSuchMotorsError as error:
-            is_told = bool(description.movable_joints)
-            return Motors(), (str(error).rstrip("."),) * is_told
+            is_reported = bool(description.movable_joints)
+            return Motors(), (str(error).rstrip("."),) * is_reported
 
     @abstractmethod
     def close(self) -> None:

@@ -104,15 +104,15 @@ def _row(model: Model, link: str) -> int:
     """Find a link, or the one to hang a model by."""
     names = model.link_names
     torso = model.assembly.description.profile.links.get("torso", "")
-    wanted = link or (torso if torso in names else names[0])
+    chosen = link or (torso if torso in names else names[0])
     lumped = model.assembly.lumped
-    wanted = lumped.get(wanted, wanted)
-    if wanted not in names:
-        near = listed(similar_first(wanted, [*names, *lumped]))
+    chosen = lumped.get(chosen, chosen)
+    if chosen not in names:
+        near = listed(similar_first(chosen, [*names, *lumped]))
         raise UnknownNameError(
-            f"{model.name} has no link {wanted}. Known links: {near}"
+            f"{model.name} has no link {chosen}. Known links: {near}"
         )
-    return list(names).index(wanted)
+    return list(names).index(chosen)
 
 
 def _place(model: Model, row: int) -> tuple[np.ndarray, np.ndarray]:

@@ -163,13 +163,13 @@ def check_bounds(thresholds: Thresholds, description: Description) -> None:
 def zero_limits(description: Description) -> tuple[str, ...]:
     """Report limits of zero, which exporters write for unknown limits."""
     notes = []
-    for what in ("velocity", "effort"):
+    for limit in ("velocity", "effort"):
         joints = description.movable_joints
-        names = [joint.name for joint in joints if getattr(joint, what) == 0.0]
+        names = [joint.name for joint in joints if getattr(joint, limit) == 0.0]
         if names:
             notes.append(
-                f"The {what} limit of {listed(names)} in {description.name} is 0: the "
-                f"{what} is not checked."
+                f"The {limit} limit of {listed(names)} in {description.name} is 0: the "
+                f"{limit} is not checked."
             )
     return tuple(notes)
 

@@ -188,7 +188,7 @@ def checked_twist(message) -> np.ndarray:
     return checked("twist", twist_to_array(message))
 
 
-def checked(what: str, numbers) -> np.ndarray:
+def checked(label: str, numbers) -> np.ndarray:
     """Check that numbers are finite and within bounds.
 
     Raises:
@@ -197,7 +197,7 @@ def checked(what: str, numbers) -> np.ndarray:
     array = np.array(numbers, dtype=float)
     if not (np.abs(array) <= MAX_VALUE).all():
         raise InvalidValueError(
-            f"all numbers of {what} must be within +-{MAX_VALUE:g} (got "
+            f"all numbers of {label} must be within +-{MAX_VALUE:g} (got "
             f"{array.tolist()})"
         )
     return array

@@ -262,11 +262,11 @@ def _trajectory(message: ModelTrajectory) -> Motion:
     )
 
 
-def _rows(what: str, numbers, n_samples: int, width: int) -> np.ndarray:
+def _rows(label: str, numbers, n_samples: int, width: int) -> np.ndarray:
     """Arrange numbers in rows, shape (n_samples, width)."""
     if len(numbers) != n_samples * width:
         raise MotionError(
-            f"{what} must have {n_samples} x {width} numbers (got {len(numbers)})"
+            f"{label} must have {n_samples} x {width} numbers (got {len(numbers)})"
         )
     return np.array(numbers, dtype=float).reshape(n_samples, width)
 

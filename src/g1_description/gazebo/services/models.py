@@ -190,8 +190,8 @@ def set_gantry(simulation: Simulation, request):
     try:
         model = simulation.world.model(request.model_name)
         if request.enable:
-            (wanted,) = checked("length", [request.length])
-            length = gantries.hang(model, request.link_name, float(wanted))
+            (length,) = checked("length", [request.length])
+            length = gantries.hang(model, request.link_name, float(length))
         else:
             gantries.forget(model)
     except G1DescriptionError as error:

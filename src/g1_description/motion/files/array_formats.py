@@ -133,7 +133,7 @@ def read_arrays(
     motion = Motion(times, joints, positions, velocities, poses, notes)
     motion = arrays.timed(motion, keys.rate)
     is_open = order == OPEN and not source.options.order and not source.is_settled
-    return w_last(motion, robot, is_told=True) if is_open else motion
+    return w_last(motion, robot, is_w_last=True) if is_open else motion
 
 
 Arranged = Callable[[MotionSource, Arrays, Description], Mapping[str, Any]]

@@ -370,7 +370,7 @@ def _filled(positions: np.ndarray) -> np.ndarray:
     return positions
 
 
-def _ordered(stamps: np.ndarray, what: str) -> tuple[np.ndarray, list[str]]:
+def _ordered(stamps: np.ndarray, label: str) -> tuple[np.ndarray, list[str]]:
     """Put samples in the order of their stamps, until time restarts.
 
     Stamps fall where messages are late, or of several publishers. Time restarts where
@@ -379,7 +379,7 @@ def _ordered(stamps: np.ndarray, what: str) -> tuple[np.ndarray, list[str]]:
 
     Args:
         stamps: In [ns], shape (n,).
-        what: What is ordered, for messages.
+        label: What is ordered, for messages.
 
     Returns:
         Indices of the samples in order, and messages on what is ignored.
@@ -406,17 +406,17 @@ def _ordered(stamps: np.ndarray, what: str) -> tuple[np.ndarray, list[str]]:
     notes = []
     if n_late:
         clocks = ", as of publishers whose clocks differ" if n_late > MANY else ""
-        notes.append(f"Late {what} are sorted by stamps: {n_late} of {count}{clocks}.")
+        notes.append(f"Late {label} are sorted by stamps: {n_late} of {count}{clocks}.")
     if len(kept) < count:
         notes.append(
             f"Stamps more than {MAX_LATE / 1e9:g} s from those around them are "
-            f"ignored: {count - len(kept)} of {count} {what}."
+            f"ignored: {count - len(kept)} of {count} {label}."
         )
     if end < len(times):
         passed = (newest[end - 1] - times[:end].min()) / 1e9
         notes.append(
             f"Time goes back after {passed:.3f} s; the last {len(times) - end} of "
-            f"{count} {what} ({np.ptp(times[end:]) / 1e9:.3f} s) are ignored."
+            f"{count} {label} ({np.ptp(times[end:]) / 1e9:.3f} s) are ignored."
         )
     return order, notes
 

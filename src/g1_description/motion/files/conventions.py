@@ -231,7 +231,7 @@ def w_last(
     motion: Motion,
     robot: Description,
     order: str | None = None,
-    is_told: bool = False,
+    is_w_last: bool = False,
 ) -> Motion:
     """Convert base quaternions from w x y z to x y z w, if necessary.
 
@@ -244,14 +244,14 @@ def w_last(
     Args:
         motion: With a base, whose quaternions are as in the file.
         robot: The robot.
-        order: The order, xyzw or wxyz, if the user tells it.
-        is_told: Whether the format has x y z w, so that only flat feet tell otherwise.
+        order: The order, xyzw or wxyz, if the user gives it.
+        is_w_last: Whether the format has x y z w, unless flat feet show otherwise.
 
     Returns:
         The motion, with a message if its quaternions are not certainly x y z w.
 
     Raises:
-        MotionError: If the order cannot be told, or joints are in degrees.
+        MotionError: If the order is unknown, or joints are in degrees.
     """
     check_radians(motion, robot)
     base = motion.base_poses
@@ -263,16 +263,16 @@ def w_last(
     if not has_soles(robot):
         return motion
     as_read, turned = map(tilt_on_floor, lower_feet(motion, robot, W_FIRST_COLUMNS))
-    if min(as_read, turned) > MAX_TILT and not is_told:
+    if min(as_read, turned) > MAX_TILT and not is_w_last:
         raise MotionError(UNKNOWN_QUATERNION)
     if as_read <= turned + SAME_TILT or turned > MAX_TILT:
-        is_open = abs(as_read - turned) <= SAME_TILT and not is_told
+        is_open = abs(as_read - turned) <= SAME_TILT and not is_w_last
         return replace(motion, notes=(*motion.notes, *([EITHER] if is_open else ())))
     return replace(other, notes=(*motion.notes, W_FIRST))
 
 
 def has_soles(robot: Description) -> bool:
-    """Return whether a robot is one whose feet tell how it stands."""
+    """Return whether a robot is one whose feet show how it stands."""
     is_whole = robot.root != WORLD and len(robot.roots) == 1
     return is_whole and {*SOLES} <= {*robot.profile.links}
 

@@ -96,12 +96,12 @@ def _read_amp_text(source: MotionSource, robot: Description) -> Motion:
     return Motion(times, joints, positions, frames[:, -n_joints:], base, notes)
 
 
-def rows_of(rows: Any, what: str) -> np.ndarray:
+def rows_of(rows: Any, label: str) -> np.ndarray:
     """Convert a list of rows, or an array.
 
     Args:
         rows: Lists or arrays of numbers, as they were read.
-        what: Their name, for the message.
+        label: Their name, for the message.
 
     Returns:
         Finite numbers, shape (n_rows, n_columns).
@@ -112,19 +112,19 @@ def rows_of(rows: Any, what: str) -> np.ndarray:
     if isinstance(rows, list):
         width = _length(rows[0]) if rows else 0
         if len(rows) * width > MAX_SIZE:
-            raise MotionError(f"{what} has more than {MAX_SIZE} numbers.")
+            raise MotionError(f"{label} has more than {MAX_SIZE} numbers.")
         values = array("d")
         for row in rows:
             if _length(row) != width:
-                raise MotionError(f"{what} must be rows of equal length.")
+                raise MotionError(f"{label} must be rows of equal length.")
             try:
                 values.extend(row)
             except (TypeError, OverflowError):
-                raise MotionError(f"{what} must contain numbers.") from None
+                raise MotionError(f"{label} must contain numbers.") from None
         if not values:
-            raise MotionError(f"{what} has no numbers.")
+            raise MotionError(f"{label} has no numbers.")
         rows = np.array(values).reshape(-1, width)
-    return Arrays({what: rows}).numbers(what, None, None)
+    return Arrays({label: rows}).numbers(label, None, None)
 
 
 def _length(row: Any) -> int:

@@ -49,7 +49,7 @@ def write(
     Returns:
         The file's content, and messages on differences from the motion.
     """
-    found, fps, notes = prepared(motion, robot, rate, tells=False)
+    found, fps, notes = prepared(motion, robot, rate, has_joint_order=False)
     if motion.velocities is not None:
         notes = (*notes, WITHOUT_VELOCITIES)
     base = found.base_poses

@@ -97,7 +97,7 @@ def hints(
     if other:  # all else follows from it
         return (other,)
     of_joints = (_degrees, _knees, _sides)
-    found = [tell(columns, limits) for tell in of_joints]
+    found = [hint(columns, limits) for hint in of_joints]
     if not motion.has_times:
         found.append(_rate(motion, robot))
     if motion.base_poses is not None:

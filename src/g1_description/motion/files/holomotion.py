@@ -76,7 +76,7 @@ def write(
     Returns:
         The file's content, and messages on differences from the motion.
     """
-    found, fps, notes = prepared(motion, robot, rate, tells=False)
+    found, fps, notes = prepared(motion, robot, rate, has_joint_order=False)
     poses, twists = bodies(found, robot)
     n_samples, n_joints = found.positions.shape
     metadata = {

@@ -152,17 +152,17 @@ def _columns(
     return found, free.get(robot.root, next(iter(free.values()), None)), at
 
 
-def _numbers(rows: Sequence[str], width: int, what: str) -> np.ndarray:
+def _numbers(rows: Sequence[str], width: int, label: str) -> np.ndarray:
     """Convert rows of text, shape (n, width)."""
     values = [row.split() for row in rows]
     if any(len(row) != width for row in values):
-        raise MotionError(f"Each {what} must have {width} numbers, as the first one.")
+        raise MotionError(f"Each {label} must have {width} numbers, as the first one.")
     try:
         found = np.array(values, dtype=float)
     except ValueError:
-        raise MotionError(f"{what} must contain numbers.") from None
+        raise MotionError(f"{label} must contain numbers.") from None
     if not np.isfinite(found).all():
-        raise MotionError(f"{what} must contain finite numbers.")
+        raise MotionError(f"{label} must contain finite numbers.")
     return found
 
 

@@ -136,8 +136,8 @@ class _Model:
                 "The policy has no reference motion: it has the outputs "
                 f"{listed(self._outputs) or 'none'}, but not {listed(missing)}."
             )
-        wanted = (POSITIONS, VELOCITIES, PLACES, TURNS)
-        return {name: self._array(name) for name in wanted if name in self._outputs}
+        names = (POSITIONS, VELOCITIES, PLACES, TURNS)
+        return {name: self._array(name) for name in names if name in self._outputs}
 
     def _array(self, output: str) -> np.ndarray:
         """Follow an output back to its array."""
@@ -150,7 +150,7 @@ class _Model:
                 break
         raise MotionError(f"The output {output} is not taken from an array.")
 
-    def _numbers(self, what: str, data: memoryview) -> np.ndarray:
+    def _numbers(self, label: str, data: memoryview) -> np.ndarray:
         """Read a tensor."""
         shape: list[int] = []
         kind, content = 1, [b""]
@@ -163,14 +163,14 @@ class _Model:
                 content.append(bytes(_bytes(value)))
             elif field == TENSOR_PLACE and value:
                 raise MotionError(
-                    f"The numbers of {what} are in another file, which is not read."
+                    f"The numbers of {label} are in another file, which is not read."
                 )
         if kind not in TYPES:
-            raise MotionError(f"{what} must contain floating-point numbers.")
+            raise MotionError(f"{label} must contain floating-point numbers.")
         try:
             return np.frombuffer(b"".join(content), TYPES[kind]).reshape(shape)
         except ValueError as error:
-            raise MotionError(f"The numbers of {what} are damaged.") from error
+            raise MotionError(f"The numbers of {label} are damaged.") from error
 
     def _fields(self, data: Field) -> Iterator[tuple[int, Field]]:
         """Yield the fields of a message, with their numbers."""

@@ -261,27 +261,27 @@ def _whole(path: Path, _: int) -> MotionSource:
     return MotionSource(path)
 
 
-def parsed(text: str | None, what: str) -> Arrays:
+def parsed(text: str | None, label: str) -> Arrays:
     """Read a dictionary in JSON.
 
     Args:
         text: The text; None: there is none.
-        what: What it is, for the message.
+        label: What it is, for the message.
 
     Raises:
         MotionError: If it is none.
     """
     if len(text or "") > MAX_JSON:
         raise MotionError(
-            f"{what} has {len(text or '') / 1e6:.0f} million characters; the limit is "
+            f"{label} has {len(text or '') / 1e6:.0f} million characters; the limit is "
             f"{MAX_JSON / 1e6:.0f}."
         )
     try:
         found = json.loads(text or "")
     except (ValueError, RecursionError) as error:
-        raise MotionError(f"{what} is not valid JSON: {cause(error)}.") from error
+        raise MotionError(f"{label} is not valid JSON: {cause(error)}.") from error
     if not isinstance(found, dict):
-        raise MotionError(f"{what} must be a dictionary.")
+        raise MotionError(f"{label} must be a dictionary.")
     return Arrays(found)
 
 

@@ -333,7 +333,7 @@ def _without_names(
     motion: Motion, robot: Description, rate: float | None
 ) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
     """Return base poses and joints at even times, and messages."""
-    found, _, notes = prepared(motion, robot, rate, tells=False)
+    found, _, notes = prepared(motion, robot, rate, has_joint_order=False)
     assert found.base_poses is not None
     return found.base_poses, found.positions, notes
 

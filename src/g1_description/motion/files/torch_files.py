@@ -106,8 +106,8 @@ class _Unpickler(Unpickler):
 
     def persistent_load(self, pid: Any) -> np.ndarray:
         """Return the numbers of a storage."""
-        what, kind, key, _, count = pid
-        if what != "storage" or kind not in STORAGES.values() or type(key) is not str:
+        tag, kind, key, _, count = pid
+        if tag != "storage" or kind not in STORAGES.values() or type(key) is not str:
             raise MotionError("it has an unknown storage")
         return self._storages.numbers(key, kind)[:count]
 

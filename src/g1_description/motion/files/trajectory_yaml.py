@@ -158,10 +158,10 @@ def _dictionary(parts: list[Any], event: Any) -> dict[str, Any]:
     return dict(zip(keys, parts[1::2]))
 
 
-def _list(value: Any, what: str) -> list:
+def _list(value: Any, label: str) -> list:
     """Check that a value is a list."""
     if not isinstance(value, list):
-        raise MotionError(f"{what} must be a list.")
+        raise MotionError(f"{label} must be a list.")
     return value
 
 
@@ -178,19 +178,19 @@ def _time(point: dict, number: int) -> float:
     return (seconds * 1_000_000_000 + rest) / 1e9
 
 
-def _columns(points: list[dict], what: str, width: int) -> list[list[float]]:
+def _columns(points: list[dict], field: str, width: int) -> list[list[float]]:
     """Read the positions or velocities of all points."""
     found = []
     for number, point in enumerate(points, 1):
-        values = _list(point.get(what), what)
+        values = _list(point.get(field), field)
         if len(values) != width:
             raise MotionError(
-                f"Point {number} must have {width} {what}, one per joint (got "
+                f"Point {number} must have {width} {field}, one per joint (got "
                 f"{len(values)})."
             )
         row = [_number(value) for value in values]
         if not all(abs(value) <= MAX_VALUE for value in row):
-            raise MotionError(f"The {what} of point {number} must be finite numbers.")
+            raise MotionError(f"The {field} of point {number} must be finite numbers.")
         found.append(row)
     return found
 

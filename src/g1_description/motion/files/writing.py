@@ -43,7 +43,7 @@ def prepared(
     robot: Description,
     rate: float | None,
     names: Sequence[str] | None = None,
-    tells: bool = True,
+    has_joint_order: bool = True,
 ) -> tuple[Motion, float, tuple[str, ...]]:
     """Make a motion fit a format of even times that has a base and all joints.
 
@@ -52,7 +52,7 @@ def prepared(
         robot: The robot.
         rate: Samples per second, in [Hz]; None: those of the motion, on average.
         names: As for ``whole``.
-        tells: As for ``whole``.
+        has_joint_order: As for ``whole``.
 
     Returns:
         The motion, its samples per second, and messages on what was changed.
@@ -60,7 +60,7 @@ def prepared(
     Raises:
         MotionError: If it has no base or too many samples, or the robot lacks a joint.
     """
-    found, of_joints = whole(motion, robot, names, tells)
+    found, of_joints = whole(motion, robot, names, has_joint_order)
     found, fps, of_times = even(found, rate)
     return found, fps, (*of_joints, *of_times)
 
@@ -69,7 +69,7 @@ def whole(
     motion: Motion,
     robot: Description,
     names: Sequence[str] | None = None,
-    tells: bool = True,
+    has_joint_order: bool = True,
 ) -> tuple[Motion, tuple[str, ...]]:
     """Complete a motion for a format that has a base and all joints, without names.
 
@@ -77,8 +77,8 @@ def whole(
         motion: Of the robot.
         robot: The robot.
         names: Of the format's joints, in its order; None: ``usual_joints``.
-        tells: Whether the format tells Unitree's 23 joints from ASAP's; if not, those
-            of the robot are written instead of Unitree's.
+        has_joint_order: Whether files distinguish Unitree's 23 joints from ASAP's; if
+            not, the robot's joints are written instead of Unitree's.
 
     Returns:
         The motion of these joints, at zero where the motion has none, and a message on
@@ -93,7 +93,7 @@ def whole(
         )
     own = [joint.name for joint in robot.movable_joints]
     names = usual_joints(motion, robot) if names is None else tuple(names)
-    is_open = not tells and names == G1_JOINTS[23] and len(own) > len(names)
+    is_open = not has_joint_order and names == G1_JOINTS[23] and len(own) > len(names)
     names = tuple(own) if is_open else names
     lacking = [name for name in names if name not in own]
     if lacking:

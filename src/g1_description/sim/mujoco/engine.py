@@ -214,9 +214,9 @@ class MujocoEngine(Engine):
         self._targets[:, rows.velocity] = drives.positions, drives.velocities
         if drives.is_servo.all():
             return
-        wanted = drives.stiffness * drives.positions
-        wanted += drives.damping * drives.velocities
-        efforts = np.stack([drives.feedforward, wanted])
+        desired = drives.stiffness * drives.positions
+        desired += drives.damping * drives.velocities
+        efforts = np.stack([drives.feedforward, desired])
         self._springs[:2, rows.actuators] = np.where(drives.is_servo, 0.0, efforts)
 
     def set_properties(self, properties: PhysicsProperties) -> None:
