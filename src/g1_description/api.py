@@ -144,7 +144,7 @@ class Robot:
         """In [kg]; None if the file has no masses."""
 
     def __repr__(self) -> str:
-        """Show what it is."""
+        """Show its name and size."""
         n_joints, n_links = len(self.joint_names), len(self.link_names)
         return f"<Robot {self.name}: {n_joints} joints, {n_links} links>"
 
@@ -299,7 +299,7 @@ class Robot:
             start: Positions at which the search begins, clipped to the limits; the
                 result is near them where targets leave a choice. None: neutral ones.
             base: Pose of the base link at the start.
-            options: Of these:
+            options: Any of these:
 
                 - ``hold``: names or roles of links that stay where they are at the
                   start; by default the profile's feet, as far as they have no target.
@@ -342,11 +342,11 @@ class Robot:
         """Make a motion in which links follow targets.
 
         Args:
-            times: Of the samples in [s], increasing, shape (n_samples,).
+            times: Times of the samples in [s], increasing, shape (n_samples,).
             targets: As for ``ik``, in each sample, shapes (n_samples, 7) or
                 (n_samples, 3).
             start: As for ``ik``: where the search for the first sample begins.
-            base: The same.
+            base: As for ``ik``.
             options: As for ``ik``; links are held where they are at the start.
 
         Returns:
@@ -391,7 +391,7 @@ class Robot:
         """Compute joint efforts of a configuration or motion with a fixed base.
 
         Args:
-            positions: Of the joints.
+            positions: Positions of the joints.
             velocities: In [rad/s] or [m/s], like positions; by default 0.
             accelerations: In [rad/s^2] or [m/s^2], like positions; by default 0.
             base: Pose of the base link.
@@ -432,11 +432,11 @@ class Robot:
                 file, ``package://PACKAGE/PATH``, or the name of a motion of this
                 package such as ``squat.csv``.
             rate: Samples per second of a file without times.
-            order: Of base quaternions in the file, ``xyzw`` or ``wxyz``; None: that of
-                the format, or the one in which the robot stands.
-            format: Its name, as in the documentation; None: found by content.
-            joint_order: Of joints without names, ``mujoco`` or ``isaaclab``; None: that
-                of the format.
+            order: Order of base quaternions in the file, ``xyzw`` or ``wxyz``;
+                None: that of the format, or the one in which the robot stands.
+            format: Name of the format, as documented; None: found by content.
+            joint_order: Order of joints without names, ``mujoco`` or ``isaaclab``;
+                None: that of the format.
 
         Returns:
             The motion with the joints that the robot has, in the order of the file;
@@ -478,7 +478,7 @@ class Robot:
             trajectory: The motion.
             rate: Samples per second of a format with evenly spaced samples; None: the
                 average rate of the motion.
-            format: Its name, as in the documentation; None: csv or npz, by the ending.
+            format: Name of the format, as documented; None: csv or npz, by the ending.
 
         Returns:
             Messages on differences from the motion.
@@ -502,7 +502,7 @@ class Robot:
 
         Args:
             times: In [s], increasing, shape (n_samples,).
-            positions: Of the joints, shape (n_samples, n_joints).
+            positions: Positions of the joints, shape (n_samples, n_joints).
             velocities: In [rad/s] or [m/s], like positions; None: unknown, positions
                 are interpolated linearly.
             base: Poses of the base link, shape (n_samples, 7); None: the motion has no
@@ -535,8 +535,8 @@ class Robot:
         """Write a configuration as a message for the topic ``motion``; needs ROS.
 
         Args:
-            positions: Of all joints as an array, or of some as a dictionary, in [rad]
-                or [m]; None: of none.
+            positions: Positions of all joints as an array, or of some as a
+                dictionary, in [rad] or [m]; None: of none.
             base: Pose of the base link in the map, shape (7,); None: it stays.
             stamp: When the configuration is shown, a rospy.Time; None: at once.
 
@@ -607,9 +607,9 @@ class Robot:
         """Let a motion come from a pose and end in one, standing on the floor.
 
         Args:
-            motion: Its lowest foot keeps its place; in the poses the base is upright.
+            motion: A motion, whose lowest foot keeps its place; poses are upright.
             begin: Name of a pose, or positions; None: nothing is added there.
-            end: The same, after the motion.
+            end: Like ``begin``, after the motion.
             seconds: Shortest duration of each way, in [s]; longer where a joint would
                 exceed its velocity limit.
 
@@ -678,7 +678,7 @@ class Robot:
         Args:
             path: The file, .html; an existing one is replaced.
             motion: The motion; a configuration is a motion of one sample.
-            verdict: What ``check`` returned for it; None: it was not checked.
+            verdict: Result of ``check``; None: the motion was not checked.
 
         Raises:
             MotionError: If the robot has none of the motion's joints.
@@ -700,7 +700,7 @@ class Robot:
 
         Args:
             reference: The motion that was to be executed, or its file.
-            executed: What was measured, or its file.
+            executed: The measured motion, or its file.
             shift: Time of the executed motion minus that of the reference, in [s];
                 None: the one with the smallest rms error of the joints.
 
@@ -728,7 +728,7 @@ class Robot:
         """Check a configuration at rest.
 
         Args:
-            positions: Of the joints, shape (n_joints,), or by joint.
+            positions: Positions of the joints, shape (n_joints,), or by joint.
             base: Pose of the base link, shape (7,); None: unknown, the floor is not
                 checked.
             only: Names of the checks to make; none: all.
@@ -798,7 +798,7 @@ class Robot:
         """Find self-collisions, except of allowed pairs.
 
         Args:
-            positions: Of the joints, shape (n, n_joints) or (n_joints,), or by joint.
+            positions: Positions by joint, or of shape (n, n_joints) or (n_joints,).
             base: Poses of the base link, shape (n, 7) or (7,).
             margin: In [m]; links nearer than this are found; 0: only overlaps.
 

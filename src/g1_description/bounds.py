@@ -27,7 +27,7 @@ def checked(
     """Check that numbers are finite and within bounds.
 
     Args:
-        label: What the numbers are, for the message.
+        label: The quantity, for the message.
         numbers: The numbers.
         least: Lower bound; the upper one is ``MAX_VALUE``.
 

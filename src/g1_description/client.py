@@ -166,8 +166,8 @@ class Client:
         """Set joints and base immediately; no time passes.
 
         Args:
-            positions: Of all joints as an array, or of some as a dictionary, in [rad]
-                or [m]; other joints stay. Motors hold these positions.
+            positions: Positions of all joints as an array, or of some as a
+                dictionary, in [rad] or [m]; other joints stay. Motors hold them.
             base: Pose of the root link in the world, shape (7,), then at rest; by
                 default it stays.
 
@@ -226,8 +226,8 @@ class Client:
         In ``hold`` they are the motors' targets; in other physics joints are set.
 
         Args:
-            positions: Of all joints as an array, or of some as a dictionary, in [rad]
-                or [m].
+            positions: Positions of all joints as an array, or of some as a
+                dictionary, in [rad] or [m].
 
         Returns:
             Deviations from the request; may be empty.

@@ -30,7 +30,7 @@ class OneSentenceParser(argparse.ArgumentParser):
         super().__init__(allow_abbrev=False, **given)
 
     def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Parse; end with a sentence about what is unknown, with a likely name."""
+        """Parse; end with a sentence about unknown words, with a likely name."""
         given, unknown = self.parse_known_args(args, namespace)
         if unknown:
             names = (name for action in self._actions for name in action.option_strings)
@@ -79,7 +79,7 @@ class Argument:
     is_positional: bool
 
     names: tuple[str, ...] = ()
-    """Its names; empty: ``--`` and the field's name."""
+    """Option strings; empty: ``--`` and the field's name."""
 
     shown: str = ""
     """Description of the default; empty: the default itself."""

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-"""What ends programs: Ctrl-C, ``kill``, and a terminal that is closed."""
+"""Signals that end programs: Ctrl-C, ``kill``, and a terminal that is closed."""
 
 
 @contextmanager

@@ -98,8 +98,8 @@ class Stream:
         """Wait for the next period, and show a configuration.
 
         Args:
-            positions: Of all joints as an array, or of some as a dictionary, in [rad]
-                or [m]; other joints stay.
+            positions: Positions of all joints as an array, or of some as a
+                dictionary, in [rad] or [m]; other joints stay.
             base: Pose of the base link in the map, shape (7,); None: it stays.
 
         Returns:

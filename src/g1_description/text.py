@@ -35,8 +35,8 @@ def did_you_mean(
 
     Args:
         name: The name.
-        names: Those that exist.
-        shown: What to show for each; None: itself.
+        names: Existing names.
+        shown: Text to show for each; None: the name.
     """
     near = similar(name, names)
     return f" (did you mean {shown[near[0]] if shown else near[0]}?)" if near else ""

@@ -81,10 +81,10 @@ class _Layout:
     """Where the links and joints of one robot are among those of all."""
 
     joints: MeasuredJoints
-    """Its joints; they index its own valid links."""
+    """Joints, which index the robot's own valid links."""
 
     links: tuple[str, ...]
-    """Its valid links."""
+    """Names of the valid links."""
 
     problems: LinkProblems
     first_link: int

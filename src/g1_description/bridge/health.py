@@ -62,7 +62,7 @@ class BridgeHealth:
         self._is_paused = False
         """The simulator's last answer; False while states arrive."""
         self._was_queried = False
-        """Whether it was asked since the last state."""
+        """Whether it was queried since the last state."""
         self._updater = Updater()
         self._updater.setHardwareID("none")
         self._updater.add("link states", self._report_link_states)

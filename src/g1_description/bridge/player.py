@@ -75,7 +75,7 @@ class Played(NamedTuple):
     """Start of its times, in [ns]."""
 
     claim: Claim | None = None
-    """What it moves: newer commands may take joints of it."""
+    """Joints and base that it moves, until newer commands take them."""
 
 
 class MotionPlayer:
@@ -114,7 +114,7 @@ class MotionPlayer:
         self._before_base: RobotState | None = None
         self._claims: WeakSet[Claim] = WeakSet()
         self._unseen: list[Claim] = []
-        """Of motions that no state has shown."""
+        """Claims of motions that no state has shown."""
 
     def reset(self) -> None:
         """Forget all motions: time began again."""
@@ -230,7 +230,7 @@ class MotionPlayer:
 
         Args:
             state: The state.
-            motors: What the simulator publishes with it; None on the real Gazebo.
+            motors: The motors as published with it; None on the real Gazebo.
 
         Returns:
             The state with the commanded joints and base, and whether it reaches a

@@ -83,7 +83,7 @@ def write_motion_file(
     Args:
         path: The file, in the format of its extension; an existing one is replaced.
         trajectory: The motion.
-        robot: Whose motion it is.
+        robot: The robot that moves.
         rate: Samples per second of an npz, in [Hz]; None: those of the motion.
         begin: Stamp of the first sample, in [ns], which bags have; in a csv it is a
             comment.

@@ -92,7 +92,7 @@ class ReplayParameters:
 
     @property
     def path(self) -> Path:
-        """Its path."""
+        """Path of the file."""
         return motion_path(self.file)
 
 

@@ -32,14 +32,14 @@ class RobotStatus:
 
     description: Description
     history: History | None = None
-    """Its last states and commands; None if they are not kept."""
+    """Last states and commands; None if they are not kept."""
 
     commands: CommandTally = field(init=False)
     motions: Counter[str] = field(default_factory=Counter)
     """Counts of its motions and base commands, by the keys of /diagnostics."""
 
     state: RobotState | None = None
-    """Its last state; without joints and base if the simulator does not have it."""
+    """Last state, without joints and base if the simulator does not have it."""
 
     problems: LinkProblems | None = None
     """Problems of its links in that state."""

@@ -26,7 +26,7 @@ JOINTS_PERIOD = 20_000_000
 robot_state_publisher itself."""
 
 STILL_PERIOD = 50_000_000
-"""The same in [ns] while no joint moves: each message makes robot_state_publisher ask
+"""Longest time while no joint moves: each message makes robot_state_publisher ask
 the master three times for ``tf_prefix``, which costs as much as the message does."""
 
 
@@ -103,7 +103,7 @@ class PoseThrottle:
         return angle >= fraction * self.rotation_threshold
 
     def reset(self) -> None:
-        """Forget what was sent: the next pose passes."""
+        """Forget the last pose: the next one passes."""
         self._stamp = self._pose = None
 
 

@@ -46,16 +46,16 @@ class Task:
     """A file that is to be checked."""
 
     number: int
-    """Its place among all files."""
+    """Place among all files."""
 
     name: str
-    """What it is called in reports."""
+    """Name in reports."""
 
     path: Path
 
 
 class FileWorker(ABC):
-    """What is done with each of many files; it can be pickled."""
+    """A job for each of many files; it can be pickled."""
 
     @abstractmethod
     def outcome(self, name: str, content: Content) -> FileResult:
@@ -240,12 +240,12 @@ def _signals_held() -> Iterator[None]:
 
 
 _checkers: list[bytes] = []
-"""What checks in this process, pickled. It does not come with each file: more than a
+"""The checker of this process, pickled. It does not come with each file: more than a
 pipe holds would be sent in vain to processes that are killed, and waited for."""
 
 
 def _prepare(pickled: bytes) -> None:
-    """Take what checks, and let this process end with its parent."""
+    """Take a checker, and let this process end with its parent."""
     _checkers.append(pickled)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 

@@ -26,7 +26,7 @@ def with_causes(
         findings: All of a motion.
         grouping: ``BY_LIMBS`` or ``BY_TIME``, by name of the check; findings of other
             checks have causes of their own.
-        limbs: Of each link.
+        limbs: Limbs of each link.
     """
     groups: list[list[int]] = []
     for number, finding in enumerate(findings):

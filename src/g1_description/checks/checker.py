@@ -107,12 +107,12 @@ class Checker:
         """Check one configuration at rest.
 
         Args:
-            positions: Of joints in [rad] or [m], by name; the others are at zero.
+            positions: Positions in [rad] or [m] by joint; others are at zero.
             base: T_map_base, shape (7,); None where it does not belong to the
                 configuration.
             only: Names of the checks to make; none: all.
-            velocities: Of the same joints in [rad/s] or [m/s], compared with their
-                limits; everything else is checked as at rest.
+            velocities: Velocities in [rad/s] or [m/s] by joint, compared with limits;
+                everything else is checked as at rest.
 
         Returns:
             The verdict, with all times zero.

@@ -61,7 +61,7 @@ class Comparison:
     """Compared time, in [s]."""
 
     joints: Mapping[str, Error]
-    """Of each joint in both motions, in [rad] or [m]."""
+    """Errors of each joint in both motions, in [rad] or [m]."""
 
     bodies: Error | None
     """Distance of links in the map, in [m]; None without a base in both motions."""
@@ -143,9 +143,9 @@ def compare(
     """Compare an executed motion with its reference, at the samples of the former.
 
     Args:
-        checker: Of the robot that both motions fit, as by ``fitted``.
+        checker: Checker of the robot that both motions fit, as by ``fitted``.
         reference: The motion that was to be executed.
-        executed: What was measured.
+        executed: The measured motion.
         shift: Time of the executed motion minus that of the reference, in [s]; None:
             the one with the smallest rms error of the joints.
 

@@ -41,7 +41,7 @@ class GroundPiece:
     sample: indices into ``Ground.rows``, shape (k,)."""
 
     heights: np.ndarray
-    """Of the lowest point of each link above the floor, in [m], shape (n, n_links);
+    """Heights of links' lowest points above the floor, in [m], shape (n, n_links);
     infinite for a link that is neither the lowest one nor near the floor."""
 
     lowest: np.ndarray
@@ -204,8 +204,8 @@ class Ground:
         """Compute how points of links move.
 
         Args:
-            poses: Of all links, shape (n, n_links, 7).
-            twists: Of their origins, shape (n, n_links, 6).
+            poses: Poses of all links, shape (n, n_links, 7).
+            twists: Twists of their origins, shape (n, n_links, 6).
             points: In the map, heights above the floor, shape (..., 3).
             at: Samples and columns of their links, shape (2, ...).
         """
@@ -218,8 +218,8 @@ class Ground:
         """Find how the robot stands.
 
         Args:
-            pieces: Of successive samples.
-            times: Of the samples in [s], shape (n,).
+            pieces: Pieces of successive samples.
+            times: Times of the samples in [s], shape (n,).
         """
         columns = np.unique(np.concatenate([piece.columns for piece in pieces]))
         heights = np.concatenate([piece.heights[:, columns] for piece in pieces])
@@ -249,9 +249,9 @@ class Ground:
         """Find the links that support the robot, shape (n, n_links).
 
         Args:
-            heights: Of the links' lowest points in [m], shape (n, n_links).
-            speed: Of these points in [m/s], shape (n, n_links).
-            times: Of the samples in [s], shape (n,).
+            heights: Heights of the links' lowest points in [m], shape (n, n_links).
+            speed: Speed of these points in [m/s], shape (n, n_links).
+            times: Times of the samples in [s], shape (n,).
             is_end: Whether a link is the end of a limb, shape (n_links,).
         """
         limits = self._thresholds
@@ -285,7 +285,7 @@ class Ground:
 
         Args:
             frames: How the robot stands.
-            times: Of the samples in [s], shape (n,).
+            times: Times of the samples in [s], shape (n,).
             is_unknown: Where velocities are not usable, shape (n,).
 
         Returns:
@@ -308,7 +308,7 @@ def _trim_steps(stood: np.ndarray, heights: np.ndarray, touches: np.ndarray) -> 
 
     Args:
         stood: Whether a link supports the robot, shape (n,); is changed.
-        heights: Of its lowest point in [m], shape (n,).
+        heights: Heights of its lowest point in [m], shape (n,).
         touches: Whether that touches the floor, shape (n,).
     """
     # Not their differences: heights far from the floor are infinite.
@@ -358,7 +358,7 @@ def _means(lowest: np.ndarray, touching: np.ndarray, owner: np.ndarray) -> np.nd
 
     Args:
         lowest: Values of the lowest points, shape (n, n_links, m).
-        touching: The same of all points that touch, shape (k, m).
+        touching: Values of all points that touch, shape (k, m).
         owner: Their samples and links, shape (2, k).
 
     Returns:
@@ -377,7 +377,7 @@ def _steps(poses: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Compute how far points that are fixed to links move until the next sample.
 
     Args:
-        poses: Of the links, shape (n, k, 7).
+        poses: Poses of the links, shape (n, k, 7).
         points: In the map, shape (n, k, 3).
 
     Returns:

@@ -23,7 +23,7 @@ def intervals(times: np.ndarray, mask: np.ndarray) -> tuple[tuple[float, float],
     """List the intervals of time in which a condition holds.
 
     Args:
-        times: Of the samples in [s], rising, shape (n_samples,).
+        times: Times of the samples in [s], rising, shape (n_samples,).
         mask: Where it holds, shape (n_samples,).
 
     Returns:
@@ -36,7 +36,7 @@ def without_short(times: np.ndarray, mask: np.ndarray, shortest: float) -> np.nd
     """Remove the intervals that are shorter than a time.
 
     Args:
-        times: Of the samples in [s], rising, shape (n_samples,).
+        times: Times of the samples in [s], rising, shape (n_samples,).
         mask: Where a condition holds, shape (n_samples,).
         shortest: In [s].
     """
@@ -70,7 +70,7 @@ def time_share(times: np.ndarray, mask: np.ndarray) -> float:
     Each sample stands for the time that is nearer to it than to others.
 
     Args:
-        times: Of the samples in [s], rising, shape (n_samples,).
+        times: Times of the samples in [s], rising, shape (n_samples,).
         mask: Where it holds, shape (n_samples,).
     """
     if len(times) == 1:

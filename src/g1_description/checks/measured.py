@@ -128,7 +128,7 @@ class Measured:
         self._columns = np.array(columns, dtype=int)
         shape = (len(self.times), len(columns))
         self.positions, self.velocities = np.empty(shape), np.empty(shape)
-        """Of the motion's joints in [rad] or [m], and per second, shape (n, k)."""
+        """Values of its joints in [rad] or [m], and per second, shape (n, k)."""
         for piece in self.chunks():
             found = sample(trajectory, self.times[piece])
             self.positions[piece] = found.positions
@@ -140,7 +140,7 @@ class Measured:
         self.balance: Balance | None = None
         """None if the motion has no base or the robot no mass."""
         self.efforts: np.ndarray | None = None
-        """Of all joints of a robot with a fixed base, in [N m] or [N], shape (n,
+        """Efforts of all joints if the base is fixed, in [N m] or [N], shape (n,
         n_joints)."""
         self.power: np.ndarray | None = None
         """Change of the robot's kinetic and potential energy in [W], shape (n,); with a
@@ -148,7 +148,7 @@ class Measured:
         self.played: Rollout | None = None
         """The simulated motion."""
         self.unlimited: Rollout | None = None
-        """The same with motors without limits, if they were saturated."""
+        """The motion simulated without limits of motors, if they were saturated."""
         self._once: dict[Callable[[Measured], Any], Any] = {}
 
     def once(self, function: Callable[[Measured], Value]) -> Value:
@@ -181,7 +181,7 @@ class Measured:
 
     @property
     def heights(self) -> np.ndarray | None:
-        """Of lowest points of links above the floor in [m], shape (n, n_ground_links).
+        """Heights of links' lowest points in [m], shape (n, n_ground_links).
 
         Infinite for a link that is neither the lowest one nor near the floor.
         """
@@ -289,7 +289,7 @@ def measure(
 
     Args:
         robot: The robot.
-        trajectory: Of joints that it has.
+        trajectory: Trajectory of joints that it has.
         needs: ``ground``, ``center``, ``balance``, ``efforts``; others are ignored.
         own: Measurements of rules, by name.
 

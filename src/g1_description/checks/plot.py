@@ -20,7 +20,7 @@ from g1_description.checks.verdict import Verdict
 from g1_description.robot.description import Joint
 
 WIDTH = 16.0
-"""Of the picture in inches, of 100 pixels."""
+"""Width of the picture in inches, of 100 pixels."""
 
 STRIP, ROW = 0.38, 0.19
 """Heights of a joint's strip, and of a row of findings or contacts, in inches."""
@@ -63,7 +63,7 @@ def motion_plot(name: str, verdict: Verdict, joints: Sequence[Joint]) -> bytes:
     """Draw a motion.
 
     Args:
-        name: Of its file.
+        name: Name of its file.
         verdict: With its measurements.
         joints: Movable joints of the robot.
 

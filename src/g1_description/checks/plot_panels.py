@@ -68,7 +68,7 @@ def bars(
 
     Args:
         intervals: First and last times of each, in [s]; they may overlap.
-        times: Of the whole motion in [s], shape (n,).
+        times: Times of the whole motion in [s], shape (n,).
     """
     least = LEAST_WIDTH * (float(times[-1] - times[0]) or 1.0)
     joined: list[list[float]] = []
@@ -111,10 +111,10 @@ def shade(
     """Mark the times of findings over the whole height; failures on top.
 
     Args:
-        axes: Of the panel.
+        axes: Axes of the panel.
         verdict: Its findings are shown.
         checks: Names of the checks.
-        times: Of the motion in [s], shape (n,).
+        times: Times of the motion in [s], shape (n,).
     """
     found = [f for f in verdict.findings if f.check in checks]
     for severity in (WARNING, FAILED):

@@ -140,7 +140,7 @@ class Rule:
             sizes: At each time, shape (n,); NaN where it is not known.
             text: Message with ``{worst}`` and ``{when}``, which becomes " at 1.234 s",
                 or nothing for a single configuration.
-            unit: Of the sizes; empty: that of the rule.
+            unit: Unit of the sizes; empty: that of the rule.
             points: Points to mark, in the map, in [m], shape (n, 3) or (n, k, 3).
             spans: Sizes that are compared for the intervals, shape (n,); None: the
                 same.

@@ -23,7 +23,7 @@ class Balance:
     """Where the weight of a robot acts, at each of some samples."""
 
     center: np.ndarray
-    """Its centre of mass in the map, in [m], shape (n, 3)."""
+    """Centre of mass in the map, in [m], shape (n, 3)."""
 
     center_margin: np.ndarray
     """Distance of the centre of mass inside the support polygon in [m], shape (n,)."""
@@ -36,8 +36,8 @@ class Balance:
 
 
 Corners = Sequence[Tuple[float, float]]
-"""Of a convex polygon, counter-clockwise, in [m]. Plain numbers: numpy takes five times
-as long for the six corners of two feet."""
+"""Corners of a convex polygon, counter-clockwise, in [m]. Plain numbers: numpy takes
+five times as long for the six corners of two feet."""
 
 
 def support_polygon(points: np.ndarray) -> Corners:
@@ -76,8 +76,8 @@ def support_margin(polygon: Corners, x: float, y: float) -> float:
 
     Args:
         polygon: Its corners.
-        x: Of the point, in [m].
-        y: Of the point, in [m].
+        x: X of the point, in [m].
+        y: Y of the point, in [m].
 
     Returns:
         Distance to its border in [m], negative outside.
@@ -127,8 +127,8 @@ def zero_moment_points(dynamics: Dynamics, weight: float, floor: float) -> np.nd
     about which the wrench of gravity and inertia has no horizontal moment.
 
     Args:
-        dynamics: Of the motion.
-        weight: Of the robot in [N].
+        dynamics: Dynamics of the motion.
+        weight: Weight of the robot in [N].
         floor: Height of the floor in [m].
 
     Returns:
@@ -146,7 +146,7 @@ def long_still(times: np.ndarray, is_still: np.ndarray) -> np.ndarray:
     """Ignore moments of standstill, as at the turn of a movement.
 
     Args:
-        times: Of the samples in [s], shape (n,).
+        times: Times of the samples in [s], shape (n,).
         is_still: Where the robot is still, shape (n,).
     """
     shortest = min(STILL_TIME, float(times[-1] - times[0]))

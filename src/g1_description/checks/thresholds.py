@@ -94,7 +94,7 @@ class Thresholds:
     """In [rad/s^3] or [m/s^3]."""
 
     floor_height: float = 0.0
-    """Of the floor in the map, in [m]."""
+    """Height of the floor in the map, in [m]."""
 
     contact_height: float = 0.005
     """A link whose lowest point is at most this high touches the floor, in [m]."""

@@ -31,7 +31,7 @@ POSITIVE = ("window", "longest_interval")
 """Parameters that cannot be zero."""
 
 EXCLUDE = "exclude"
-"""What a rule over a figure does."""
+"""The only action of a rule over a figure."""
 
 PARAMETERS = tuple(
     part.name
@@ -71,7 +71,7 @@ def with_thresholds(thresholds: Thresholds, content: Mapping[str, Any]) -> Thres
     """Change some thresholds.
 
     Args:
-        thresholds: Those to begin with.
+        thresholds: Thresholds to begin with.
         content: Values by name: of a check ``{warning: NUMBER, failure: NUMBER}``, of
             bounds ``{default: NUMBER, joints: {NAME: NUMBER}}``, else a number; in the
             first two null means no limit. ``FIGURE > NUMBER`` or ``FIGURE < NUMBER``

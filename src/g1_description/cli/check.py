@@ -279,7 +279,7 @@ def check(args: CheckOptions, checker: FileChecker | None = None) -> int:
     """Check motions; return the exit code.
 
     Args:
-        args: Of the command line.
+        args: Arguments of the command line.
         checker: Checks the files; None: it is prepared.
 
     Raises:
@@ -433,7 +433,7 @@ def exit_code(outcomes: Collection[FileResult], named: Collection[str]) -> int:
     """Return the exit code.
 
     Args:
-        outcomes: Of all files.
+        outcomes: Outcomes of all files.
         named: Names of files given one by one, which must be motions.
     """
     if any(outcome.result == FAILED for outcome in outcomes):

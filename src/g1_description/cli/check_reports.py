@@ -73,7 +73,7 @@ class Reports:
         """Check that all reports can be written.
 
         Args:
-            args: Of the command line.
+            args: Arguments of the command line.
             tasks: The files.
 
         Raises:

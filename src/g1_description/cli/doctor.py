@@ -731,7 +731,7 @@ def run_checks(namespace: str, names: Sequence[str]) -> Iterator[Result]:
     """Run checks one after another, until the first fault.
 
     Args:
-        namespace: Of the robot's topics, without leading and trailing slashes.
+        namespace: Prefix of the robot's topics, without leading and trailing slashes.
         names: The names of the checks.
 
     Raises:

@@ -69,19 +69,19 @@ JITTER = 1e-3
 
 @dataclass(frozen=True)
 class Done(FileResult):
-    """What became of a motion."""
+    """The result of a motion."""
 
     text: str = ""
-    """What is printed."""
+    """Text to print."""
 
     files: Mapping[Path, bytes] = field(default_factory=dict)
-    """What is written."""
+    """Contents by file."""
 
     place: Path | None = None
     """The file or folder that is written."""
 
     motion: str = ""
-    """What the motion is called."""
+    """Name of the motion."""
 
     is_smaller: bool = False
     """Whether the file has fewer joints than the robot."""
@@ -138,7 +138,7 @@ def read(path: Path, args: Reading, robot: Description) -> tuple[MotionSource, M
 def written(
     name: str, motion: Motion, robot: Description, place: Path, to: str | None
 ) -> Done:
-    """Make the files of a motion, and what is printed about it."""
+    """Make the files of a motion, and the text about it."""
     files, notes = contents(place, motion, robot, None, to, WRITERS)
     size = f"{len(motion.times)} samples, {motion.duration:.2f} s"
     lines = [f"{name} -> {place}: {size}"]
@@ -268,7 +268,7 @@ class Output:
         """Begin without outcomes.
 
         Args:
-            args: Of the command line.
+            args: Arguments of the command line.
             named: Motions that were given one by one, which must be motions.
         """
         self._args = args
@@ -290,7 +290,7 @@ class Output:
         return isinstance(self._args, Edit) and is_merged(self._args, tasks)
 
     def add(self, task: Task, outcome: FileResult, tasks: Sequence[Task]) -> str:
-        """Write an outcome; return what is printed."""
+        """Write an outcome; return the text to print."""
         problem = outcome.problem
         if isinstance(outcome, Done) and not problem:
             try:
@@ -307,7 +307,7 @@ class Output:
         return f"{task.name}: {problem}"
 
     def _write(self, done: Done, is_merged: bool) -> str:
-        """Write a motion; return what is printed."""
+        """Write a motion; return the text to print."""
         if is_merged:
             name = done.motion
             if name in self.parts:

@@ -1,4 +1,4 @@
-"""What the subcommands of ``motion`` do with a motion, and their options."""
+"""Edits of motions by the subcommands of ``motion``, and their options."""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ def motion_files(
     Args:
         paths: Files, ``FILE#NAME``, and folders; some of these are one motion.
         every: Whether each motion of a file that has several is a task.
-        selection: Those to take; None: all.
+        selection: Motions to take; None: all.
         repeats: Whether a motion that is given again is another task.
         reports: Real paths of files in folders that are no motions.
 
@@ -123,7 +123,7 @@ def unmatched(selection: Selection | None) -> str:
 
 
 def _key(path: Path) -> str:
-    """Return what all names of a motion have in common."""
+    """Return the common part of all names of a motion."""
     file, name = split(path)
     return os.path.realpath(file) + ("" if name is None else f"#{name}")
 
@@ -134,7 +134,7 @@ def _names(path: Path) -> list[Path]:
         return [path]
     try:
         names = motion_names(path)
-    except MotionError:  # who reads it tells
+    except MotionError:  # its reader reports it
         return [path]
     several = len(names) > 1
     return [Path(f"{path}#{name}") for name in names] if several else [path]

@@ -249,7 +249,7 @@ class RunningSystem:
 
     def __init__(self, namespace: str) -> None:
         self.namespace = namespace
-        """Of the robot's topics, without leading and trailing slashes."""
+        """Namespace of the robot's topics, without outer slashes."""
         self.uri = os.environ.get("ROS_MASTER_URI") or DEFAULT_MASTER
         self.master_is_here = True
         self.failed: dict[str, str] = {}

@@ -155,7 +155,7 @@ class ShapePairs:
     """Origin of b's link in the frame of a's, in [m], shape (n, 3)."""
 
     rotation: np.ndarray
-    """The same as ``axes``, as quaternions (x, y, z, w), shape (n, 4)."""
+    """Quaternions (x, y, z, w) of ``axes``, shape (n, 4)."""
 
     def __getitem__(self, rows: np.ndarray | list[int]) -> ShapePairs:
         parts = (self.a, self.b, self.axes, self.origin, self.rotation)

@@ -70,7 +70,7 @@ def find_allowed_pairs(
     Args:
         description: The robot; names of its meshes can be found from anywhere.
         samples: Number of random configurations inside the limits.
-        seed: Of the random numbers.
+        seed: Seed of the random numbers.
         progress: Called after each batch.
 
     Returns:

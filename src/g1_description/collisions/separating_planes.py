@@ -28,7 +28,7 @@ class Bounds:
 
         Args:
             T_world_link: Poses of the links, shape (n_frames, n_links, 7).
-            axes: The same rotations as matrices, shape (n_frames, n_links, 3, 3).
+            axes: These rotations as matrices, shape (n_frames, n_links, 3, 3).
             pairs: Indices of shapes, shape (n_pairs, 2).
             gap: Pairs this far apart or farther are excluded, in [m].
 

@@ -93,7 +93,7 @@ def named_path(name: str) -> Path:
 
 
 def _absent(path: Path) -> str:
-    """Return a message on what is missing, with suggestions."""
+    """Return a message on a missing file, with suggestions."""
     missing = path
     while not missing.parent.is_dir() and missing.parent != missing:
         missing = missing.parent

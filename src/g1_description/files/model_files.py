@@ -82,7 +82,7 @@ def _exported_folders(attribute: str) -> Iterator[str]:
     """List the folders that ROS packages export to gazebo_ros.
 
     Args:
-        attribute: Of ``<export><gazebo_ros .../></export>`` in a ``package.xml``:
+        attribute: One of ``<export><gazebo_ros .../></export>`` in a ``package.xml``:
             folders separated by colons; ``${prefix}`` is that of the package.
     """
     for own in _packages().values():

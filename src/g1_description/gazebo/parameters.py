@@ -103,7 +103,7 @@ class GazeboParameters:
     each ``~step`` is published, too; 0: every step, in [Hz]."""
 
     pub_clock_frequency: float = 0.0
-    """The same for ``/clock``; 0: every step, in [Hz]."""
+    """Rate of ``/clock``; 0: every step, in [Hz]."""
 
     paused: bool = False
     """Start with simulated time paused."""

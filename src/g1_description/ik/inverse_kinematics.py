@@ -88,7 +88,7 @@ class TargetError(NamedTuple):
 
 @dataclass(frozen=True)
 class IkOptions:
-    """What a configuration keeps to, besides the limits of joints."""
+    """Conditions on a configuration, besides the limits of joints."""
 
     hold: Collection[str] | None = None
     """Links that stay, by name or role; None: the feet of the robot's profile, as far
@@ -120,7 +120,7 @@ class IkOptions:
     """Further limits; see ``ik.limits.Limit``."""
 
     def __post_init__(self) -> None:
-        """Refuse what is no boolean: any number would count as True.
+        """Refuse a value that is no boolean: any number would count as True.
 
         Raises:
             InvalidValueError: If balance or collisions is something else.
@@ -155,7 +155,7 @@ class IkResult:
     """The configuration that inverse kinematics found."""
 
     positions: np.ndarray
-    """Of the joints in [rad] or [m], within their limits, shape (n_joints,)."""
+    """Positions in [rad] or [m], within the limits, shape (n_joints,)."""
 
     base: np.ndarray
     """Pose of the base link in the world, shape (7,)."""
@@ -165,13 +165,13 @@ class IkResult:
 
     reached: bool
     """Whether all targets are reached within 1 mm and 0.5 degrees, with balance and
-    distances where these are asked for."""
+    distances where these are requested."""
 
     steps: int
     """Number of steps of the solver."""
 
     message: str
-    """What is not reached, in a sentence; empty if everything is."""
+    """A sentence on targets that are missed; empty if there is none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,7 +182,7 @@ class IkPath:
     """With the base, within limits of positions and velocities."""
 
     results: tuple[IkResult, ...]
-    """Those of its samples."""
+    """Results of the samples."""
 
     @property
     def reached(self) -> bool:
@@ -253,9 +253,9 @@ class InverseKinematics:
         Args:
             targets: Poses, shape (7,), or positions, shape (3,), in the world, of links
                 by name or role.
-            positions: Of the joints at the start, shape (n_joints,).
+            positions: Positions of the joints at the start, shape (n_joints,).
             base: Pose of the base link at the start, shape (7,).
-            options: What the configuration keeps to.
+            options: Conditions on the configuration.
             starts: Most starts; 1: only the given one.
             begin: Positions and base at which the search begins; None: the start, which
                 is where links are held, and the posture to prefer, in any case.
@@ -281,9 +281,9 @@ class InverseKinematics:
 
         Args:
             targets: Where links are brought.
-            positions: Of the joints at the start.
+            positions: Positions of the joints at the start.
             base: Pose of the base link at the start.
-            options: What the configuration keeps to.
+            options: Conditions on the configuration.
             starts: Most starts.
             begin: Where the search begins.
             most: Most steps of a piece; None: there is only one.
@@ -311,11 +311,11 @@ class InverseKinematics:
         """Follow targets that move, without exceeding velocity limits of joints.
 
         Args:
-            times: Of the samples in [s], increasing, shape (n,).
+            times: Times of the samples in [s], increasing, shape (n,).
             targets: Poses, shape (n, 7), or positions, shape (n, 3), by link.
             positions: As for ``solve``, before the first sample.
-            base: The same.
-            options: What all configurations keep to; links are held at the start.
+            base: Pose of the base link at the start.
+            options: Conditions on all configurations; links are held at the start.
 
         Raises:
             G1DescriptionError: As for ``solve``, and if lengths do not match.
@@ -513,7 +513,7 @@ class InverseKinematics:
         return corners
 
     def _result(self, problem: _Problem, view: Linearization, steps: int) -> IkResult:
-        """Tell what was found."""
+        """Describe the result."""
         errors = {}
         for name, task, (position, rotation) in zip(
             problem.names, problem.tasks, view.errors.tolist()
@@ -549,7 +549,7 @@ def _weights(is_oriented: bool) -> np.ndarray:
 
 
 def _check_mapping(label: str, given: object) -> None:
-    """Refuse what is no dictionary."""
+    """Refuse a value that is no dictionary."""
     if not isinstance(given, Mapping):
         raise InvalidValueError(
             f"{label} must be a dictionary by link (got {str(given)[:80]})."

@@ -42,7 +42,7 @@ class Keyframe(NamedTuple):
     """In [s]."""
 
     positions: np.ndarray
-    """Of the joints in [rad] or [m], shape (n_joints,); clipped to the limits."""
+    """Positions in [rad] or [m], clipped to the limits, shape (n_joints,)."""
 
     base: np.ndarray
     """Pose of the base link in the map, shape (7,)."""
@@ -56,7 +56,7 @@ class KeyframeMotion:
     """With the base, 50 samples per second."""
 
     times: tuple[float, ...]
-    """Those of the keyframes in [s], from 0; later than given where limits of velocity
+    """Times of the keyframes in [s], from 0; later than given where velocity limits
     need it."""
 
 

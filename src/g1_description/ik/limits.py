@@ -46,7 +46,7 @@ class BalanceLimit:
         """Prepare a polygon.
 
         Args:
-            masses: Of the robot.
+            masses: Masses of the robot.
             support: Corners of the polygon, counterclockwise, in the world, in [m].
             margin: Least distance from its edges, in [m].
         """
@@ -75,7 +75,7 @@ class Part(NamedTuple):
     """Points of a link that a floor meets, in its frame."""
 
     row: int
-    """That of the link, as in ``Jacobians``."""
+    """Row of the link, as in ``Jacobians``."""
 
     points: np.ndarray
     """In [m], shape (n, 3)."""
@@ -108,7 +108,7 @@ class FloorLimit:
         """Prepare the points of a robot's links.
 
         Args:
-            parts: Those of ``link_parts``.
+            parts: Result of ``link_parts``.
             floor: Height of the floor in the world, in [m].
             but_for: Rows of links that may be below it.
         """
@@ -165,5 +165,5 @@ class DistanceLimit:
         return rates, found.distance - self._distance
 
     def excess_message(self, excess: float) -> str:
-        """Describe what is missing between the nearest links, in [m]."""
+        """Describe by how much the nearest links are too near, in [m]."""
         return f"links are {1e3 * excess:.0f} mm too near to each other"

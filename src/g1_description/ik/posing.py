@@ -102,7 +102,7 @@ class Posing:
         """Height below which no link gets in this drag: that of the map, or lower where
         the robot is lower."""
         self._sent: tuple[Placed, float] | None = None
-        """What was commanded last, and when, in [s]."""
+        """The last command, and its time in [s]."""
         self._undone: list[Placed] = []
         self._past: list[Placed] = []
 

@@ -51,10 +51,10 @@ def search(
     """Search a configuration that reaches tasks.
 
     Args:
-        solver: Of the robot.
+        solver: Solver of the robot.
         start: Where the search begins, inside the limits of joints.
         tasks: The tasks.
-        bounds: What the configuration keeps to.
+        bounds: Constraints on the configuration.
         posture: Positions to prefer where tasks leave a choice, shape (n_joints,).
         starts: Most starts; 1: only the given one.
 
@@ -92,8 +92,8 @@ def descend(
     The cost may rise for some steps: links that are held move on an arc at first.
 
     Args:
-        solver: Of the robot.
-        view: Of the configuration.
+        solver: Solver of the robot.
+        view: View of the configuration.
         posture: As for ``search``.
         most: Most steps.
 

@@ -35,19 +35,19 @@ TOLERANCE = np.array([1e-3, np.radians(0.5)])
 """Errors of a task that is reached, in [m] and [rad]."""
 
 HARD = 100.0
-"""Weight of what others must not disturb, but by a ten-thousandth of their errors."""
+"""Weight of tasks that others disturb by a ten-thousandth of their errors at most."""
 
 LARGEST_STEP = 0.3
 """Change of a joint or the root in a step, in [rad] or [m]."""
 
 LEAST_DAMPING = 1e-5
-"""Of all steps: where tasks leave a choice, steps are small enough not to overshoot."""
+"""Damping of all steps: where tasks leave a choice, they are too short to overshoot."""
 
 POSTURE = 3e-4
 """Weight of the posture, against those of tasks."""
 
 UNBOUNDED = 1e30
-"""As the solver wants infinity."""
+"""Infinity, for the solver."""
 
 SOFT = 8
 """Mark of the solver for constraints that are kept as far as others allow."""
@@ -60,20 +60,20 @@ class Configuration(NamedTuple):
     """Pose of the root link in the world, shape (7,)."""
 
     position: np.ndarray
-    """Of the movable joints in [rad] or [m], shape (n_joints,)."""
+    """Positions of movable joints in [rad] or [m], shape (n_joints,)."""
 
 
 class LinkTask(NamedTuple):
     """Where a link should be."""
 
     link: int
-    """Its row."""
+    """Row of the link."""
 
     pose: np.ndarray
     """In the world, shape (7,)."""
 
     weights: np.ndarray
-    """Of its position along the world's axes and of its rotation about them, shape
+    """Weights of its position along the world's axes and rotation about them, shape
     (6,); 0: any will do."""
 
     point: np.ndarray = np.zeros(3)
@@ -88,7 +88,7 @@ class LinkTask(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class IkConstraints:
-    """What a configuration must keep to."""
+    """Constraints on a configuration."""
 
     lower: np.ndarray
     """Lower limits of joints, shape (n_joints,)."""
@@ -100,7 +100,7 @@ class IkConstraints:
     """1 where the root may move along and turn about the world's axes, shape (6,)."""
 
     limits: Sequence[Limit] = ()
-    """What must not come nearer than it may, such as the centre of mass to an edge."""
+    """Distances to keep, such as that of the centre of mass from an edge."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +113,7 @@ class Linearization:
     jacobians: Jacobians
 
     points: np.ndarray
-    """Those of tasks in the world, in [m], shape (n_tasks, 3)."""
+    """Points of tasks in the world, in [m], shape (n_tasks, 3)."""
 
     displacements: np.ndarray
     """By how much the links of tasks must move and turn along the world's axes, in [m]
@@ -185,7 +185,7 @@ class IkSolver:
         Args:
             view: The present configuration, inside the limits of joints.
             posture: Positions to prefer where tasks leave a choice, shape (n_joints,).
-            damping: Of the step; large: a small one along the gradient of the cost.
+            damping: Damping; large: a small one along the gradient of the cost.
 
         Returns:
             The next configuration, inside the limits of joints; None if the solver

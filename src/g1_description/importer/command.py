@@ -69,7 +69,7 @@ def summary(imported: Import) -> str:
 
 
 def _figures(robot: ImportedRobot) -> str:
-    """Count what a robot has."""
+    """Count parts of a robot."""
     found = robot.description
     meshes = sum(ref.is_mesh for ref in robot.references)
     mass = "" if found.mass is None else f" {found.mass:.6g} kg,"

@@ -111,7 +111,7 @@ class Options:
     """Options for meshes."""
 
     most_triangles: int | None = None
-    """Of each mesh; None: no limit."""
+    """Limit for each mesh; None: no limit."""
 
     tolerance: float = TOLERANCE
     """Largest deviation of a decimated surface, in [m]."""

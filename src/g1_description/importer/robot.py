@@ -21,7 +21,7 @@ class Reference:
 
     element: etree._Element
     owner: str
-    """Its owner, such as "visual of link base" or "material black"."""
+    """The element around it, such as "visual of link base" or "material black"."""
 
     path: Path | None
     """The file; None if it does not exist."""

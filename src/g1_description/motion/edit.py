@@ -49,7 +49,7 @@ def to_start_at(trajectory: Motion, pose: np.ndarray) -> Motion:
 
     Args:
         trajectory: The motion.
-        pose: Of the base in the map, shape (7,).
+        pose: Pose of the base in the map, shape (7,).
     """
     if trajectory.base_poses is None:
         return trajectory

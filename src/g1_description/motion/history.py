@@ -47,10 +47,10 @@ class CommandStream:
     count: int
     command: Command
     stamps: np.ndarray | None = None
-    """Of each, in [ns], shape (count,); here and below None unless requested."""
+    """Stamps of each, in [ns], shape (count,); as below, None unless requested."""
 
     positions: np.ndarray | None = None
-    """Of the joints ``command.names`` in [rad] or [m], before limits, of a motion its
+    """Positions of ``command.names`` in [rad] or [m], before limits, of a motion its
     last ones, shape (count, n_names)."""
 
 
@@ -75,7 +75,7 @@ class HistoryPart:
     """Stamp of its last one, in [ns]."""
 
     note: str = ""
-    """What is missing."""
+    """Names the states that are missing."""
 
 
 def gaps_text(gaps: Sequence[tuple[int, int]]) -> str:
@@ -141,7 +141,7 @@ class History:
 
         Args:
             command: The command.
-            positions: Of its joints, in [rad] or [m].
+            positions: Positions of its joints, in [rad] or [m].
         """
         with self._lock:
             if self._chunks:

@@ -43,7 +43,7 @@ _FIELDS = {
 
 
 class Command(NamedTuple):
-    """What is the same in all commands of a stream."""
+    """The common part of all commands of a stream."""
 
     sender: str
     """Name of the node."""

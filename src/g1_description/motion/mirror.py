@@ -23,7 +23,7 @@ MIRROR = np.array([1.0, -1.0, 1.0])
 """Mirror image of a vector, at the plane between left and right."""
 
 POSE_MIRROR = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 1.0])
-"""The same of a pose."""
+"""Mirror image of a pose."""
 
 MAX_DISTANCE = 0.01
 """Largest distance of a joint from the mirror image of its counterpart, in [m]."""
@@ -37,7 +37,7 @@ def mirrored(trajectory: Motion, robot: Description) -> Motion:
 
     The mirror is the plane y = 0 of the map, for the base that of the robot. Joints
     belong together by their names, such as ``left_knee`` and
-    ``right_knee``; their axes tell the sign.
+    ``right_knee``; their axes give the sign.
 
     Args:
         trajectory: The motion, of joints of the robot.

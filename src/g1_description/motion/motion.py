@@ -62,7 +62,7 @@ class Motion:
     """Whether its file has times or a rate."""
 
     name: str = ""
-    """What its file calls it; else the name of its file without the extension."""
+    """Name in the file; else the name of the file without the extension."""
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -303,7 +303,7 @@ def configuration(
     """Make a motion of one sample.
 
     Args:
-        positions: Of joints in [rad] or [m], by name.
+        positions: Positions of joints in [rad] or [m], by name.
         base: Pose of the base in the map, shape (7,); None: unknown.
     """
     values = np.array([[*positions.values()]], dtype=float)
@@ -333,7 +333,7 @@ class Sample:
     """Configurations and velocities at one or several times."""
 
     positions: np.ndarray
-    """Of the motion's joints in [rad] or [m], shape (..., n_joints)."""
+    """Positions of its joints in [rad] or [m], shape (..., n_joints)."""
 
     velocities: np.ndarray
     """In [rad/s] or [m/s], shape (..., n_joints)."""

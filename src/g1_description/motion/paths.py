@@ -52,7 +52,7 @@ def _rates(stem: str) -> list[tuple[slice, slice]]:
 
 
 def plain(name: str) -> str:
-    """Return what the names of a motion have in common when it is converted.
+    """Return the part of a motion's name that conversions keep.
 
     Its extension and its rate change, and ``FILE#NAME`` becomes a file in a folder.
     """

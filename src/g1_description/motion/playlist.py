@@ -26,7 +26,7 @@ class Setpoint(NamedTuple):
     """In [rad/s] or [m/s], shape (n,)."""
 
     base_pose: np.ndarray | None = None
-    """Of the root link in the map, shape (7,); None if it is not moved."""
+    """Pose of the root link in the map, shape (7,); None if it is not moved."""
 
     base_twist: np.ndarray | None = None
     """Velocity of the root link's origin and its angular velocity, along the map's

@@ -37,7 +37,7 @@ WRITTEN = re.compile(
 
 @dataclass(frozen=True)
 class Choice:
-    """What a person has decided on a motion."""
+    """A person's decision on a motion."""
 
     choice: str = UNDECIDED
     """One of ``CHOICES``."""
@@ -63,7 +63,7 @@ class Selection:
         """By the path of the motion from the file's folder, and ``*``."""
         self._folder = os.path.realpath(self.path.parent)
         self.used: set[str] = set()
-        """Entries of motions that somebody has asked for."""
+        """Entries of motions that were requested."""
         self._folders: dict[str, str] = {}
         """Paths of folders of motions from this one."""
         self._plain: dict[str, list[str]] = {}
@@ -72,7 +72,7 @@ class Selection:
             self.choices = _read(self.path)
 
     def name(self, motion: str | os.PathLike[str]) -> str:
-        """Return what the file calls a motion, whose path may end in ``#NAME``."""
+        """Return the name in the file of a motion, whose path may end in ``#NAME``."""
         file, part = split(Path(motion))
         folder, name = os.path.split(os.path.abspath(file))
         if folder not in self._folders:  # a motion that is a link has its own choice
@@ -110,7 +110,7 @@ class Selection:
         motion: str | os.PathLike[str],
         folder: str | os.PathLike[str] | None,
     ) -> str:
-        """Return what the file calls a motion, or the one that it was."""
+        """Return the name in the file of a motion, or the one that it was."""
         name = self.name(motion)
         if name in self.choices or not self.choices:
             return name
@@ -132,7 +132,7 @@ class Selection:
         return os.path.exists(os.path.join(self._folder, entry.partition("#")[0]))
 
     def unmatched(self) -> list[str]:
-        """List the entries that no motion has, of those that were asked for."""
+        """List the entries that were requested and that no motion has."""
         names = [name for name in self.choices if name != OTHERS]
         if self.used & {*names}:
             names = [n for n in names if n not in self.used and not self._exists(n)]

@@ -33,7 +33,7 @@ class Constraints:
     """Largest position error during the motion, in [rad] or [m], by joint."""
 
     goal: Mapping[str, float] = field(default_factory=lambda: NOTHING)
-    """The same at the end."""
+    """Largest position error at the end, in [rad] or [m], by joint."""
 
     goal_time: float = 1.0
     """Allowed delay of a goal, in [s]. ros_controllers' default is zero, which lagging
@@ -64,7 +64,7 @@ class Tolerances:
     """Largest position and velocity errors during the motion, shape (2, n_joints)."""
 
     goal: np.ndarray
-    """The same at the end."""
+    """Largest errors at the end, shape (2, n_joints)."""
 
     goal_time: float
     """Allowed delay of the end, in [s]."""

@@ -77,8 +77,8 @@ class Camera:
         """Compute the rays through the centres of the pixels.
 
         Args:
-            width: Of the picture, in pixels.
-            height: Of the same, in pixels.
+            width: Width of the picture, in pixels.
+            height: Height of the picture, in pixels.
 
         Returns:
             The eye in the world, shape (3,), and vectors to the plane through the
@@ -139,8 +139,8 @@ def crop_around(points: np.ndarray, camera: Camera, width: int, height: int) -> 
     Args:
         points: In the world, in [m], shape (n, 3).
         camera: Where the picture is taken from.
-        width: Of the picture, in pixels.
-        height: Of the same, in pixels.
+        width: Width of the picture, in pixels.
+        height: Height of the picture, in pixels.
 
     Returns:
         All pixels between the points and one more on each side; the whole picture if a
@@ -172,8 +172,8 @@ def matrices(
 
     Args:
         camera: The camera.
-        width: Of the whole picture, in pixels.
-        height: Of the same, in pixels.
+        width: Width of the whole picture, in pixels.
+        height: Height of the picture, in pixels.
         crop: The part of it that is drawn, not empty.
     """
     view = np.eye(4)

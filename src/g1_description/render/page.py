@@ -25,7 +25,7 @@ SCRIPTS = ("motion.js", "scene.js", "chart.js", "viewer.js")
 """Folder of the style and the scripts, and those in the order in which they are run."""
 
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
-"""What the browser lets the page load: nothing."""
+"""Content-Security-Policy: the page loads nothing."""
 
 COLUMNS = {
     "duration": "length [s]",
@@ -50,9 +50,9 @@ def motion_page(
         description: The robot.
         motion: The motion; a configuration is a motion of one sample. Joints that the
             robot does not have are ignored.
-        verdict: Of the motion, with its measurements for their plots; None: it was not
+        verdict: Its verdict, with its measurements for their plots; None: it was not
             checked.
-        name: What the motion is called; empty: its own name, or that of the robot.
+        name: Name of the motion; empty: its own name, or that of the robot.
 
     Returns:
         HTML. Names may contain bytes that are not text, so it is to be encoded with
@@ -83,7 +83,7 @@ def write_page(
     Args:
         path: The file.
         description: The robot.
-        outcomes: Of the files that are done.
+        outcomes: Outcomes of the files that are done.
         motions: Files with ``motion_data`` of each outcome, missing if it could not be
             read. All may not fit into memory, so they are embedded one after another.
         not_done: Number of files that are not done.

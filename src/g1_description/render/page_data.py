@@ -132,8 +132,8 @@ def motion_data(
 
     Args:
         description: The robot.
-        motion: Of joints that it has.
-        verdict: Of the motion; with its measurements these are there, too.
+        motion: Motion of joints that it has.
+        verdict: Verdict of the motion; with its measurements these are there, too.
 
     Returns:
         JSON.
@@ -185,7 +185,7 @@ HEIGHT, CENTER, ZMP, DEPTH = (
 
 
 def _lines(verdict: Verdict) -> Iterator[tuple[str, str, dict[str, str]]]:
-    """List what was measured: names, units, and times with values."""
+    """List measurements: names, units, and times with values."""
     measured = verdict.measured
     if measured is None:
         return

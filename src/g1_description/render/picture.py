@@ -31,8 +31,8 @@ def backdrop(
 
     Args:
         camera: The camera.
-        width: Of the picture, in pixels.
-        height: Of the same, in pixels.
+        width: Width of the picture, in pixels.
+        height: Height of the picture, in pixels.
         floor: Height of the floor in the world, in [m].
         shadow: Camera at the lamp, and the blocked fraction of its light in each of its
             pixels, from 0 to 1, shape (n, m).
@@ -129,8 +129,8 @@ def draw(
     Args:
         scene: The robots.
         camera: The camera.
-        width: Of the picture, in pixels.
-        height: Of the same, in pixels.
+        width: Width of the picture, in pixels.
+        height: Height of the picture, in pixels.
         floor: Its height in the world, in [m].
 
     Returns:
@@ -165,8 +165,8 @@ def silhouette(scene: Scene, camera: Camera, width: int, height: int) -> np.ndar
     Args:
         scene: The robots.
         camera: The camera.
-        width: Of the picture, in pixels.
-        height: Of the same, in pixels.
+        width: Width of the picture, in pixels.
+        height: Height of the picture, in pixels.
 
     Returns:
         Numbers of robots, ``NOTHING`` for none, shape (height, width).

@@ -195,7 +195,7 @@ class Scene:
         Args:
             robot: The robot's number.
             T_world_root: Pose of its root link in the world, shape (7,).
-            positions: Of its joints in [rad] or [m] by name; missing ones are 0.
+            positions: Positions in [rad] or [m] by joint; missing ones are 0.
         """
         figure = self._robots[robot]
         position = np.array([positions.get(name, 0.0) for name in figure.joints])
@@ -233,8 +233,8 @@ class Scene:
 
         Args:
             camera: The camera.
-            width: Of the whole picture, in pixels.
-            height: Of the same, in pixels.
+            width: Width of the whole picture, in pixels.
+            height: Height of the picture, in pixels.
             crop: Part of the picture to render, n times m pixels.
             light: Direction to the lamp in the world, shape (3,); None: that to the
                 camera.

@@ -140,7 +140,7 @@ def named_positions(
     """Convert positions to names and numbers.
 
     Args:
-        positions: Of all joints as an array, or of some as a dictionary; None: of none.
+        positions: An array of all joints, or a dictionary of some; None: no joint.
         joints: Names of the robot's joints.
 
     Raises:

@@ -117,7 +117,7 @@ class Assembly:
         """Return the innermost nested model of a name.
 
         Args:
-            name: Of a link, joint or nested model.
+            name: Name of a link, joint or nested model.
 
         Returns:
             One of ``nested``; empty for the outermost model.

@@ -167,7 +167,7 @@ class Description:
 
     @cached_property
     def profile(self) -> Profile:
-        """Its profile, with only those links that it has.
+        """Profile of the robot, without links that it lacks.
 
         Raises:
             ProfileError: If a profile cannot be read.
@@ -260,7 +260,7 @@ def by_limb(names: Iterable[str]) -> dict[str, list[str]]:
     """Group joints by limb, in the order of their first joints.
 
     Args:
-        names: Of the joints.
+        names: Names of the joints.
 
     Returns:
         Names of joints by the name of their limb.

@@ -101,7 +101,7 @@ class RobotMotion:
     """Poses of the root link in the world, shape (..., 7)."""
 
     positions: np.ndarray
-    """Of the movable joints in [rad] or [m], shape (..., n_joints)."""
+    """Positions of movable joints in [rad] or [m], shape (..., n_joints)."""
 
     root_twists: np.ndarray
     """Linear velocities of the root's origin and its angular velocities, along the
@@ -146,8 +146,8 @@ def inverse_dynamics(
     """Compute the efforts and the root's wrench of a motion.
 
     Args:
-        kinematics: Of a robot with one tree.
-        masses: Of the same robot.
+        kinematics: Kinematics of a robot with one tree.
+        masses: Masses of the same robot.
         motion: The motion.
         gravity: Along -z, in [m/s^2].
 
@@ -206,9 +206,9 @@ def _wrenches(
     """Compute the wrench on each link, at the world's origin.
 
     Args:
-        poses: Of the links, shape (..., n_links, 7).
+        poses: Poses of the links, shape (..., n_links, 7).
         centers: Centres of mass in the world, shape (..., n_links, 3).
-        masses: Of the links.
+        masses: Masses of the links.
         twists: At the world's origin, shape (..., n_links, 6).
         rates: Derivatives of the twists, shape (..., n_links, 6).
         gravity: Along -z, in [m/s^2].

@@ -28,7 +28,7 @@ class Jacobians:
         """Place the robot.
 
         Args:
-            kinematics: Of the robot.
+            kinematics: Kinematics of the robot.
             T_world_root: Pose of the root link in the world, shape (..., 7).
             position: Positions of the movable joints in [rad] or [m], shape
                 (..., n_joints).
@@ -86,7 +86,7 @@ class Jacobians:
         """Compute the Jacobian of the centre of mass.
 
         Args:
-            masses: Of the robot; not without any.
+            masses: Masses of the robot; not without any.
 
         Returns:
             J such that J @ velocities is the velocity of the centre of mass, along the

@@ -108,7 +108,7 @@ def check_trails(
     """Check that links of trails exist.
 
     Args:
-        name: Of the argument or parameter.
+        name: Name of the argument or parameter.
         links: The links.
         robots: The robots.
 

@@ -250,7 +250,7 @@ def _root_poses(
     Args:
         root: The file's root.
         joints: Between bodies, floating and planar ones too.
-        roots: Of the trees.
+        roots: Roots of the trees.
 
     Returns:
         Their poses with all joints at zero, shape (n_trees, 7).

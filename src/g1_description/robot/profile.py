@@ -45,7 +45,7 @@ class Profile:
     """All its movable joints, where other robots have its name; else empty."""
 
     model: str = ""
-    """Its URDF, as for ``read_model``; empty if the user has to give it."""
+    """URDF, as for ``read_model``; empty if the user has to give it."""
 
     standing_pose: str = ""
     """Name of the pose in which it stands; empty if unknown."""
@@ -63,7 +63,7 @@ class Profile:
     """File of its allowed collisions; None: they have to be found."""
 
     missing_links: Mapping[str, str] = field(default_factory=dict)
-    """Those that the robot does not have, by their role."""
+    """Links that the robot does not have, by their role."""
 
     def fits(self, robot: str, joints: Collection[str]) -> bool:
         """Return whether it is that of a robot.

@@ -1,1 +1,1 @@
-"""What every node needs: parameters, log, publishers, messages and their bytes."""
+"""Common parts of all nodes: parameters, log, publishers, messages and bytes."""

@@ -21,7 +21,7 @@ ROSOUT_LEVELS = {
 
 
 class RosoutHandler(logging.Handler):
-    """Publishes what is logged."""
+    """Publishes log messages."""
 
     def __init__(self) -> None:
         super().__init__()

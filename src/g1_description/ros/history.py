@@ -105,7 +105,7 @@ class HistoryClient:
     """Asks a robot's bridge for its history; several threads do so in turn."""
 
     def __init__(self, service: str) -> None:
-        """Create a client; nothing is asked yet.
+        """Create a client; nothing is requested yet.
 
         Args:
             service: Name of get_history.
@@ -135,8 +135,8 @@ class HistoryClient:
             max_states: Of more, this many are taken, evenly; 0: all.
             last: Length of the range up to the newest state, in [s]; 0: another one.
             as_of: Wall time in [ns] at which the newest state is meant; 0: now.
-            with_commands: Whether to ask for the commands meanwhile, too.
-            with_positions: Whether to ask for the positions of each of them.
+            with_commands: Whether to request the commands meanwhile, too.
+            with_positions: Whether to request the positions of each.
 
         Raises:
             NoAnswerError: If there is no bridge.

@@ -14,7 +14,7 @@ LOG_PERIOD = 10.0
 """Minimum time between two lines on one fault, in [s] of wall time."""
 
 SHORT_PERIOD = 1.0
-"""The same for events whose messages differ, in [s]."""
+"""Minimum time for events whose messages differ, in [s]."""
 
 EXPIRY = 2.5
 """Time in [s] without a repetition after which a fault is over."""

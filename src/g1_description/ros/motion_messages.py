@@ -101,7 +101,7 @@ def configuration_message(
     """Convert a configuration to command at once.
 
     Args:
-        positions: Of joints in [rad] or [m], by name.
+        positions: Positions of joints in [rad] or [m], by name.
         base: Pose of the base in the map, shape (7,).
     """
     return whole_body_message(configuration(positions, base))

@@ -15,7 +15,7 @@ POLL_PERIOD = 0.02
 """Time between two evaluations of a condition, in [s]."""
 
 MASTER_PERIOD = 0.1
-"""The same for a condition that asks the master or a service, in [s]."""
+"""Time for a condition that calls the master or a service, in [s]."""
 
 Result = TypeVar("Result")
 

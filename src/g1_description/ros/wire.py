@@ -51,7 +51,7 @@ class MotorArrays(NamedTuple):
     """In [rad/s] or [m/s]."""
 
     efforts: np.ndarray | None
-    """Of their motors, in [N m] or [N]; None in ``kinematic``."""
+    """Efforts of motors, in [N m] or [N]; None in ``kinematic``."""
 
     commanded: np.ndarray
     """Last commands or samples of motions, in [rad] or [m]; NaN: none."""
@@ -143,7 +143,7 @@ class LinkStatesDecoder:
         """By whether there is a frame_id: its bytes and those of the names, and the
         names."""
         self._motors: list[tuple[bytes, str, tuple[str, ...]]] = []
-        """Of each model: bytes from the frame_id to the names, and the names."""
+        """Bytes from the frame_id to the names, and the names, of each model."""
 
     def decode(self, data: bytes) -> LinkStatesArrays:
         """Decode one LinkStates; its numbers are views into ``data``.
@@ -282,7 +282,7 @@ def _end_of_numbers(data: bytes, offset: int, width: int, n: int | None = None) 
 
 @lru_cache(maxsize=100)
 def _motor_layout(n: int, has_efforts: bool) -> tuple[struct.Struct, tuple[int, ...]]:
-    """Return what follows the names of n joints, and the starts of its arrays.
+    """Return the layout after the names of n joints, and the starts of its arrays.
 
     These are four counts, whether there is a commanded base, its pose, and
     ``is_sample``.

@@ -100,7 +100,7 @@ class Scope:
     """Prefix of its names; empty for the outer model."""
 
     frames: Frames
-    """Those of the outer model."""
+    """Frames of the outer model."""
 
     def full(self, name: str) -> str:
         """Return the full name in the outer model."""

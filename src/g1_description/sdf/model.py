@@ -101,7 +101,7 @@ class SdfModel:
     """As in the file."""
 
     pose: np.ndarray
-    """Of the model frame in the world, shape (7,)."""
+    """Pose of the model frame in the world, shape (7,)."""
 
     assembly: Assembly
     """The model as it is simulated."""
@@ -112,7 +112,7 @@ def read_model_element(element: etree._Element, pose: np.ndarray) -> SdfModel:
 
     Args:
         element: The model, with includes resolved.
-        pose: Of the model frame in the world, shape (7,).
+        pose: Pose of the model frame in the world, shape (7,).
 
     Raises:
         DescriptionError: If something in it is invalid.

@@ -1,4 +1,4 @@
-"""What drives the joints of a model: its motors, or commands of a controller."""
+"""Drives of the joints of a model: its motors, or commands of a controller."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ class Drives:
         """Compute the efforts of springs and dampers, 0 of servos.
 
         Args:
-            position: Of the movable joints in [rad] or [m], shape (n_joints,).
+            position: Position of the movable joints in [rad] or [m], shape (n_joints,).
             velocity: In [rad/s] or [m/s], shape (n_joints,).
 
         Returns:

@@ -37,7 +37,7 @@ FAILURE = (
     "physics failed in a step, as forces or gains are too large: all models are at "
     "rest where they were before it"
 )
-"""What ``Engine.take_failure`` returns."""
+"""Message of ``Engine.take_failure``."""
 
 _WHOLE_NUMBERS = ("sor_pgs_precon_iters", "sor_pgs_iters", "max_contacts")
 
@@ -280,7 +280,7 @@ class Engine(ABC):
         """Compute one time step, and keep ``_moving`` up to date."""
 
     def take_failure(self) -> str:
-        """Return what is to be logged of steps since the last call that failed."""
+        """Return a message on steps that failed since the last call; else empty."""
         failure, self._failure = self._failure, ""
         return failure
 

@@ -36,10 +36,10 @@ class Entity:
     """The outermost model."""
 
     name: str
-    """Its own name; empty for a collision without a name."""
+    """Unscoped name; empty for a collision without a name."""
 
     scoped: str
-    """Its full name with scopes: model::link::collision."""
+    """Full name with scopes: model::link::collision."""
 
     row: int = 0
     """Row of its link in the model, for a link or a collision."""
@@ -87,7 +87,7 @@ class StillFrame:
 
     @property
     def scoped(self) -> str:
-        """Its name, without a scope."""
+        """Name without a scope."""
         return self.name
 
 

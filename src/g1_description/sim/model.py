@@ -176,7 +176,7 @@ class Model:
         self.target = np.array(self.position)
         """Last commanded positions, the motors' targets, shape (n_joints,)."""
         self.commanded = np.full(len(self.joint_names), np.nan)
-        """The same as they were requested, before limits, shape (n_joints,); NaN: no
+        """Requested positions, before limits, shape (n_joints,); NaN: no
         command since the reset."""
         self.commanded_base: np.ndarray | None = None
         """Last requested pose of the first root link, shape (7,)."""

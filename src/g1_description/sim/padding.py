@@ -46,7 +46,7 @@ def padded(
         motion: Its first and last samples stay as they are.
         begin: Positions by joint of the pose before; the motion's other joints are at
             0. None: nothing is added there.
-        end: The same of the pose after.
+        end: Like ``begin``, of the pose after.
         seconds: Shortest duration of each way, in [s]. A way takes longer where a joint
             would exceed its velocity limit.
 

@@ -149,7 +149,7 @@ def standing_base(robot: Description, positions: Mapping[str, float]) -> np.ndar
 
     Args:
         robot: The robot.
-        positions: Of its joints, in [rad] or [m] by name.
+        positions: Positions of its joints, in [rad] or [m] by name.
 
     Returns:
         T_map_base, shape (7,), with which its lowest point is at height 0.

@@ -1,4 +1,4 @@
-"""What all engines take links to be made of: masses, inertias and friction."""
+"""Masses, inertias and friction of links, the same in all engines."""
 
 from __future__ import annotations
 

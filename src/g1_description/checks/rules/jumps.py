@@ -30,7 +30,7 @@ def _jumps(times: np.ndarray, steps: np.ndarray) -> np.ndarray:
     faster, or slower, than both neighbours. Steps between waypoints are not jumps.
 
     Args:
-        times: Of the samples in [s], rising, shape (n,).
+        times: Times of the samples in [s], rising, shape (n,).
         steps: From each sample to the next, shape (n - 1, k).
 
     Returns:

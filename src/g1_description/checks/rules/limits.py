@@ -92,7 +92,7 @@ def _fractions(
         rule: The check.
         measured: The motion.
         joints: Movable joints.
-        values: Of the joints, shape (n, n_joints); NaN if unknown.
+        values: Values of the joints, shape (n, n_joints); NaN if unknown.
         bounds: Largest magnitudes of the values, shape (n_joints,); infinite without a
             limit.
         words: Units of the values.

@@ -230,7 +230,7 @@ def physics_summary(measured: Measured) -> str:
 
 
 def _limits_text(measured: Measured) -> str:
-    """Describe what the limits of saturated motors mean; empty if none was."""
+    """Explain the limits of saturated motors; empty if none was."""
     played, freely = _played(measured), measured.unlimited
     if freely is None:
         return ""

@@ -21,7 +21,7 @@ def per_pair(
 
     Args:
         measured: The motion.
-        contacts: Of all its times.
+        contacts: Contacts of all its times.
 
     Yields:
         Names of both links; distances in [m], negative where they overlap, shape (n,);

@@ -52,7 +52,7 @@ class Keys:
     """Quaternions, shape (n_samples, 4), or (n_samples, n_bodies, 4)."""
 
     velocities: str = ""
-    """Of the joints, where a file has them."""
+    """Velocities of the joints, where a file has them."""
 
     has_bodies: bool = False
 
@@ -82,10 +82,10 @@ def read_arrays(
 
     Args:
         source: The file.
-        arrays: Those of the motion, with or without its rate.
+        arrays: Arrays of the motion, with or without its rate.
         robot: The robot.
         keys: Their names.
-        order: Of the format's quaternions, xyzw or wxyz, or ``OPEN``.
+        order: Order of the format's quaternions, xyzw or wxyz, or ``OPEN``.
 
     Raises:
         MotionError: If an array has a wrong shape or content, or no body is the base.
@@ -154,7 +154,7 @@ def array_format(
     Args:
         name: Its name.
         keys: Names of its arrays.
-        order: Of its quaternions, xyzw or wxyz, or ``OPEN``.
+        order: Order of its quaternions, xyzw or wxyz, or ``OPEN``.
         needed: Arrays by which its files are recognised; none: those of the keys.
         arranged: Makes arrays of these names of those of a file.
         has_several: Whether there are files of several motions by name.

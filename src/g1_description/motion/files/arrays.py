@@ -61,7 +61,7 @@ class Arrays(Mapping[str, Any]):
         """Read an array of finite numbers.
 
         Args:
-            name: Of the array.
+            name: Name of the array.
             shape: Required shape; None fits any number. Without sizes, any shape fits.
         """
         value = self[name]
@@ -125,7 +125,7 @@ class Arrays(Mapping[str, Any]):
 
         Args:
             motion: With any times.
-            name: Of the rate; one of at most 0.1 is taken for the period of the
+            name: Name of the rate; one of at most 0.1 is taken for the period of the
                 samples, with a message. Without it the motion has no times.
         """
         if name not in self or self[name] is None:

@@ -379,7 +379,7 @@ def _ordered(stamps: np.ndarray, label: str) -> tuple[np.ndarray, list[str]]:
 
     Args:
         stamps: In [ns], shape (n,).
-        label: What is ordered, for messages.
+        label: Name of the samples, for messages.
 
     Returns:
         Indices of the samples in order, and messages on what is ignored.

@@ -79,7 +79,7 @@ class FoundBase:
     """T_map_base, shape (n_samples, 7)."""
 
     joint_names: tuple[str, ...]
-    """Of those that were possible, the ones that fit best."""
+    """The possible names that fit best."""
 
     joints_are_known: bool
     """Whether the order of the joints follows from the bodies."""
@@ -114,8 +114,8 @@ def find_base(
     Args:
         source: The file.
         robot: The robot.
-        bodies: Those of the file.
-        positions: Of the joints, shape (n_samples, n_joints).
+        bodies: Bodies of the file.
+        positions: Positions of the joints, shape (n_samples, n_joints).
         names: Possible names of the joints, the likeliest first.
         order: The format's order of quaternions, xyzw or wxyz.
         base: Places and quaternions of the base, if no body is taken for it.
@@ -225,7 +225,7 @@ def _deviation(
     Args:
         reading: Which bodies are which links.
         links: Poses of all links of the robot, shape (n, n_links, 7).
-        places: Those of the bodies, shape (n, n_bodies, 3).
+        places: Places of the bodies, shape (n, n_bodies, 3).
         robot: The robot.
 
     Returns:

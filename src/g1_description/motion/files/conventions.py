@@ -174,7 +174,7 @@ def breadth_first(robot: Description, names: Collection[str]) -> tuple[str, ...]
 
     Args:
         robot: The robot.
-        names: Of the joints; those that the robot does not have are left out.
+        names: Names of the joints; those that the robot does not have are left out.
     """
     depth = {robot.root: 0}
     found: list[Joint] = []
@@ -353,7 +353,7 @@ def check_radians(motion: Motion, robot: Description) -> None:
     """Check that angles are in radians.
 
     Args:
-        motion: Of joints of the robot.
+        motion: Motion of joints of the robot.
         robot: The robot. Continuous joints may turn any number of times.
 
     Raises:

@@ -1,4 +1,4 @@
-"""The record of a format of motion files: what sets it apart, and how it is read."""
+"""The record of a format of motion files: how it is recognised, read and written."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from g1_description.motion.paths import with_rate
 from g1_description.robot.description import Description
 
 Content = Union[bytes, Mapping[str, bytes]]
-"""Of a file, or of a folder's files by name."""
+"""Content of a file, or of a folder's files by name."""
 
 OPEN = "open"
 """Order of quaternions on which publishers of a format disagree."""
@@ -71,10 +71,10 @@ class Format:
     """Extensions of its files in folders; files that are given may have any name."""
 
     order: str | None = None
-    """Of base quaternions, xyzw or wxyz, or ``OPEN``; None: they have none."""
+    """Order of base quaternions: xyzw, wxyz or ``OPEN``; None: there are none."""
 
     assumed_rate: float | None = None
-    """Of files without one, in [Hz]; None: it has to be given."""
+    """Rate of files without one, in [Hz]; None: it has to be given."""
 
     rate_of: str = ""
     """Which rate that is, for the message."""

@@ -301,10 +301,10 @@ def write_motion(
     Args:
         path: The file or folder; an existing file is replaced.
         motion: The motion.
-        robot: Whose motion it is.
+        robot: The robot that moves.
         rate: Samples per second of a format with evenly spaced samples, in [Hz]; None:
             those of the motion.
-        name: Of the format, one of ``WRITERS``; None: by the extension.
+        name: Name of the format, one of ``WRITERS``; None: by the extension.
 
     Returns:
         Messages on differences from the motion: an npz has evenly spaced times.
@@ -369,7 +369,7 @@ def writer_of(
 
     Args:
         path: The file or folder.
-        name: Of the format; None: by the extension.
+        name: Name of the format; None: by the extension.
         writers: The formats by name.
 
     Raises:

@@ -77,9 +77,9 @@ def hints(
     """Tell what looks wrong, and why.
 
     Args:
-        motion: Of joints of the robot, in radians.
+        motion: Motion of joints of the robot, in radians.
         robot: The robot.
-        order: That of the file's quaternions as they were read, xyzw or wxyz, if its
+        order: Order of the file's quaternions as they were read, xyzw or wxyz, if its
             format fixes it; None: it has none, or the user tells it.
         may_lie: Whether a hint is given if the robot does not stand.
     """
@@ -207,7 +207,7 @@ def _base(
     order: str | None,
     may_lie: bool,
 ) -> str:
-    """Tell of a base and feet that are not as those of a robot that stands."""
+    """Report a base and feet that are not those of a standing robot."""
     lower = None
     if has_soles(robot):
         title, columns = OTHERS[order or "xyzw"]

@@ -4,8 +4,8 @@ Joints and bodies are in the order of the URDF, body 0 is the base, quaternions 
 z w. Traps:
 
 - The rate is in a text in JSON, ``metadata``, as ``motion_fps``.
-- The prefix tells what it is: ``ref_`` the reference, ``ft_ref_`` filtered, ``robot_``
-  what was executed; a file may have several. Old files have none, and ``dof_vels``.
+- The prefix names the kind: ``ref_`` the reference, ``ft_ref_`` filtered, ``robot_``
+  executed; a file may have several. Old files have none, and ``dof_vels``.
 - Places and turns may be those of the base alone.
 """
 
@@ -31,7 +31,7 @@ PREFIXES = {"ref": "ref_", "ft_ref": "ft_ref_", "robot": "robot_", "motion": ""}
 JOINTS, PLACES, TURNS = "dof_pos", "global_translation", "global_rotation_quat"
 
 VERSION = "1.4.0"
-"""Of the format that is written."""
+"""Version of the format that is written."""
 
 
 def recognise(source: MotionSource) -> bool:
@@ -40,7 +40,7 @@ def recognise(source: MotionSource) -> bool:
 
 
 def names(source: MotionSource) -> tuple[str, ...]:
-    """List the motions: the reference, and what was executed."""
+    """List the motions: the reference, and the executed one."""
     return tuple(
         name
         for name, prefix in PREFIXES.items()

@@ -48,7 +48,7 @@ N_SMPL = 24
 """Joints of SMPL, whose places readers ask for and do not use."""
 
 NAME = "motion"
-"""Of a motion that is written and has none."""
+"""Name of a motion that is written and has none."""
 
 
 def recognise(source: MotionSource) -> bool:
@@ -118,7 +118,7 @@ def _names(
 
     Args:
         axes: Rotation vectors of the root, the joints and more, shape (n, m, 3).
-        positions: Of the joints, shape (n, n_joints).
+        positions: Positions of the joints, shape (n, n_joints).
         robot: The robot.
     """
     n_joints = positions.shape[1]

@@ -157,7 +157,7 @@ def read_pickle(
 
     Args:
         data: The pickle; more may follow.
-        reader: What resolves its names.
+        reader: The unpickler, which resolves names.
 
     Raises:
         MotionError: If it is damaged or has other content.

@@ -109,7 +109,7 @@ def _base(
     positions: np.ndarray,
     joints: tuple[str, ...],
 ) -> tuple[np.ndarray | None, tuple[str, ...]]:
-    """Return poses of the base, if there are, and a message on what is unknown."""
+    """Return poses of the base, if there are, and a message on unknown ones."""
     if TURNS not in tables:
         return None, (f"{TURNS} is missing: the motion has no base.",)
     turns = tables[TURNS]

@@ -209,7 +209,7 @@ class MotionSource:
         """Choose one of the motions in the file.
 
         Args:
-            names: Of all its motions.
+            names: Names of all its motions.
 
         Raises:
             MotionError: If none is chosen and there are several, or it has no such one.
@@ -239,7 +239,7 @@ class MotionSource:
             motion: With any times.
             usual: The rate of such files in [Hz], if neither the user nor the name of
                 the file gives it; None: there is none.
-            why: Whose rate that is, for the message.
+            why: Owner of that rate, for the message.
 
         Raises:
             MotionError: If there is no rate.
@@ -266,7 +266,7 @@ def parsed(text: str | None, label: str) -> Arrays:
 
     Args:
         text: The text; None: there is none.
-        label: What it is, for the message.
+        label: Subject of the message.
 
     Raises:
         MotionError: If it is none.

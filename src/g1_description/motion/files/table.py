@@ -295,7 +295,7 @@ def rows_text(values: np.ndarray, names: Sequence[str] = ()) -> str:
 
     Args:
         values: Shape (n_rows, n_columns).
-        names: Of the columns; none: no header.
+        names: Names of the columns; none: no header.
     """
     rows = [",".join(map(repr, row)) for row in values.tolist()]
     return "\n".join([*([",".join(names)] if names else ()), *rows, ""])

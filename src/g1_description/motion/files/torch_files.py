@@ -58,7 +58,7 @@ def read_torch(content: bytes) -> dict[str, Any]:
 
 
 class _Storages:
-    """Numbers in the file, read when they are asked for."""
+    """Numbers in the file, read when they are requested."""
 
     def __init__(self, archive: zipfile.ZipFile, folder: str, size: int) -> None:
         self._archive, self._folder = archive, folder

@@ -1,4 +1,4 @@
-"""What the writers of formats share: even times, all joints, poses of bodies, npz."""
+"""Functions that writers of formats share: even times, all joints, bodies, npz."""
 
 from __future__ import annotations
 
@@ -74,9 +74,9 @@ def whole(
     """Complete a motion for a format that has a base and all joints, without names.
 
     Args:
-        motion: Of the robot.
+        motion: Motion of the robot.
         robot: The robot.
-        names: Of the format's joints, in its order; None: ``usual_joints``.
+        names: Names of the format's joints, in its order; None: ``usual_joints``.
         has_joint_order: Whether files distinguish Unitree's 23 joints from ASAP's; if
             not, the robot's joints are written instead of Unitree's.
 

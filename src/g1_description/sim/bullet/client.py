@@ -15,7 +15,7 @@ _swapping = threading.Lock()
 
 @contextlib.contextmanager
 def _without_stderr() -> Iterator[None]:
-    """Discard what is written to stderr meanwhile."""
+    """Discard output to stderr meanwhile."""
     with contextlib.ExitStack() as stack:
         nowhere = os.open(os.devnull, os.O_WRONLY)
         stack.callback(os.close, nowhere)

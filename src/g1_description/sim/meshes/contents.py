@@ -46,7 +46,7 @@ class Part:
     """A part of a mesh, of one colour."""
 
     corners: np.ndarray
-    """Of its triangles, in [m], shape (n, 3, 3)."""
+    """Corners of triangles, in [m], shape (n, 3, 3)."""
 
     normals: np.ndarray
     """At the corners, shape (n, 3, 3)."""

@@ -37,7 +37,7 @@ KEY_FACTORS = np.array(
 """Factors of a hash of points."""
 
 CORNERS = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, 8).T
-"""Of a box of size one, shape (8, 3)."""
+"""Corners of a box of size one, shape (8, 3)."""
 
 SIDES = 32
 """Sides of the prism of a cylinder, as in PyBullet."""

@@ -214,7 +214,7 @@ def main() -> None:
 
 
 def _read_to(folder: Path, number: int, file: Path) -> None:
-    """Read a mesh, and write what is in it."""
+    """Read a mesh, and write its contents."""
     try:
         arrays = _read(file)
     except (CannotReadError, MemoryError) as error:

@@ -22,7 +22,7 @@ from g1_description.sim.model import Model
 from g1_description.sim.substance import DEFAULT_FRICTION, inertial_of, principal_axes
 
 THICKNESS = 1e-4
-"""Of the hull of a flat mesh, in [m]: MuJoCo refuses one without a volume."""
+"""Thickness of a flat mesh's hull, in [m]: MuJoCo refuses one without volume."""
 
 MIN_SIZE = 1e-9
 """Smallest size of a shape in [m]: MuJoCo refuses zero."""
@@ -58,9 +58,9 @@ class WorldFile:
         self._bouncing: list[tuple[int, str, float, float]] = []
         """Number, model, restitution and friction of the geoms that bounce."""
         self.restitutions: list[float] = []
-        """Of the pairs of geoms that bounce off each other."""
+        """Restitutions of pairs of geoms that bounce off each other."""
         self.links: list[tuple[Model, str]] = []
-        """Those of each body but the world."""
+        """Model and link of each body but the world."""
         self.centers: dict[tuple[str, str], np.ndarray] = {}
         """Origins of the bodies of free roots in the frames of their links, by model
         and link: their centers of mass, which move straight however fast they spin."""
