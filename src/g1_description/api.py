@@ -466,7 +466,7 @@ class Robot:
     def write_motion(
         self,
         path: str | PathLike[str],
-        trajectory: Motion,
+        motion: Motion,
         rate: float | None = None,
         format: str | None = None,
     ) -> tuple[str, ...]:
@@ -475,7 +475,7 @@ class Robot:
         Args:
             path: The file, or the folder of a format that is one; an existing file is
                 replaced.
-            trajectory: The motion.
+            motion: The motion.
             rate: Samples per second of a format with evenly spaced samples; None: the
                 average rate of the motion.
             format: Name of the format, as documented; None: csv or npz, by the ending.
@@ -488,7 +488,7 @@ class Robot:
             InvalidValueError: If the file cannot be written.
         """
         file = Path(path).expanduser()
-        return write_motion(file, trajectory, self.description, rate, format)
+        return write_motion(file, motion, self.description, rate, format)
 
     def trajectory(
         self,
@@ -576,7 +576,7 @@ class Robot:
         """
         return _messages().motion_from_message(message, self.joint_names)
 
-    def positions_of(self, trajectory: Motion) -> np.ndarray:
+    def positions_of(self, motion: Motion) -> np.ndarray:
         """Arrange the positions of a motion in the order of the robot's joints.
 
         Returns:
@@ -585,9 +585,9 @@ class Robot:
         Raises:
             UnknownNameError: If it has unknown joints.
         """
-        if not trajectory.joint_names:
-            return np.tile(self.neutral, (len(trajectory.times), 1))
-        return self.positions(dict(zip(trajectory.joint_names, trajectory.positions.T)))
+        if not motion.joint_names:
+            return np.tile(self.neutral, (len(motion.times), 1))
+        return self.positions(dict(zip(motion.joint_names, motion.positions.T)))
 
     def mirrored(self, motion: Motion) -> Motion:
         """Exchange left and right of a motion, at the plane y = 0.

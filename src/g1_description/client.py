@@ -238,11 +238,11 @@ class Client:
         names, numbers = named_positions(positions, self.joint_names)
         return self.follow(Motion(np.zeros(1), names, np.array([numbers])))
 
-    def follow(self, trajectory: Motion) -> str:
+    def follow(self, motion: Motion) -> str:
         """Start a motion now; it advances with the following steps.
 
         Args:
-            trajectory: The motion. Its base is used only in ``kinematic`` physics.
+            motion: The motion. Its base is used only in ``kinematic`` physics.
 
         Returns:
             Deviations from the request; may be empty.
@@ -250,18 +250,18 @@ class Client:
         Raises:
             G1DescriptionError: If the request is invalid.
         """
-        check_names(trajectory.joint_names, self.joint_names)
-        message = model_trajectory(self._model, trajectory)
+        check_names(motion.joint_names, self.joint_names)
+        message = model_trajectory(self._model, motion)
         answer = self._services.checked(
             "set_model_trajectory", SetModelTrajectory, trajectory=message
         )
         return answer.status_message
 
-    def play(self, trajectory: Motion, every: int = 1) -> Motion:
+    def play(self, motion: Motion, every: int = 1) -> Motion:
         """Play a motion to its end.
 
         Args:
-            trajectory: The motion, as for ``follow``.
+            motion: The motion, as for ``follow``.
             every: Steps between two returned samples.
 
         Returns:
@@ -274,9 +274,9 @@ class Client:
         time_step = self.time_step
         if not time_step:
             raise RefusedError("time_step is 0: a motion would not advance.")
-        self.follow(trajectory)
+        self.follow(motion)
         # A nanosecond less: a motion of 0.3 s ends with step 300 of 0.001 s.
-        steps = math.ceil((trajectory.rest_time - 1e-9) / time_step)
+        steps = math.ceil((motion.rest_time - 1e-9) / time_step)
         return self.record(max(steps, 1), every)
 
     def record(self, n: int, every: int = 1) -> Motion:

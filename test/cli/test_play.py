@@ -298,7 +298,7 @@ def test_a_bar_tells_how_far_it_is(time, frame, speed, running, told):
         end=3.0,
         time=time,
         frame=frame,
-        trajectory=SimpleNamespace(times=range(9)),
+        motion=SimpleNamespace(times=range(9)),
         is_running=running,
     )
     bars = ["." * play.BAR, "#" * (play.BAR // 2) + "." * (play.BAR // 2)]

@@ -52,7 +52,7 @@ def test_the_first_state_that_is_not_before_a_period_is_taken(rate, times, taken
     recorder, found = recorded(rate, None, times)
     np.testing.assert_allclose(found, taken, atol=1e-9)
     assert not recorder.is_over
-    motion, begin = recorder.trajectory()
+    motion, begin = recorder.motion()
     np.testing.assert_allclose(motion.times, 1e-3 * (np.array(taken) - taken[0]))
     np.testing.assert_allclose(motion.positions[:, 0], 1e-3 * np.array(found))
     assert begin == round(taken[0] * MILLISECOND) and motion.velocities is None
@@ -82,7 +82,7 @@ def test_states_that_lack_joints_or_the_base_are_ignored_and_counted():
     recorder, _ = recorded(0, None, [0])
     for other in (state(1, b=0.0), state(2, base=None), state(3)):
         recorder.take(other)
-    motion, _ = recorder.trajectory()
+    motion, _ = recorder.motion()
     assert motion.times.tolist() == [0.0, 0.003]
     assert recorder.notes == ["ignored 2 incomplete states."]
 

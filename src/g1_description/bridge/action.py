@@ -159,14 +159,14 @@ def trajectory_of_goal(
         MotionError: If it is not a valid trajectory.
     """
     message = goal.trajectory
-    trajectory = trajectory_from_message(message, controller.joints)
+    motion = trajectory_from_message(message, controller.joints)
     start = message.header.stamp.to_nsec()
-    if not start and len(trajectory.times) == 1:
-        return trajectory
+    if not start and len(motion.times) == 1:
+        return motion
     elapsed = (now_ns - start) / 1e9 if start else 0.0
-    rest = remaining(trajectory, elapsed)
+    rest = remaining(motion, elapsed)
     if rest is None:
-        late = elapsed - trajectory.end
+        late = elapsed - motion.end
         raise OldTrajectoryError(
             f"The last point of the trajectory is {late:.3g} s in the past."
         )
@@ -310,7 +310,7 @@ class FollowJointTrajectory:
                 self._stop(handle, goal.trajectory.joint_names)
                 return
             now = rospy.Time.now().to_nsec() or self._status.stamp
-            trajectory = trajectory_of_goal(goal, self._controller, now)
+            motion = trajectory_of_goal(goal, self._controller, now)
             tolerances = tolerances_in_goal(goal, self._controller)
         except UnknownNameError as error:
             _reject(handle, Result.INVALID_JOINTS, str(error))
@@ -320,7 +320,7 @@ class FollowJointTrajectory:
             _reject(handle, Result.INVALID_GOAL, str(error))
         else:
             start = goal.trajectory.header.stamp.to_nsec() or None
-            self._start(handle, trajectory, start, tolerances)
+            self._start(handle, motion, start, tolerances)
 
     def _on_cancel(self, handle: ServerGoalHandle) -> None:
         """Stop the joints, if the goal is the current one and still moves them."""
@@ -348,21 +348,19 @@ class FollowJointTrajectory:
     def _start(
         self,
         handle: ServerGoalHandle,
-        trajectory: Motion,
+        motion: Motion,
         start: int | None,
         tolerances: Tolerances,
     ) -> None:
-        """Play a trajectory; ``start`` in [ns], None: now."""
+        """Play a motion; ``start`` in [ns], None: now."""
         n_resets = len(self._resets)
-        played = self._player.play(trajectory, start)
+        played = self._player.play(motion, start)
         if not played.success:
             _refuse(handle, played)
             return
         self._warn(played)
-        continuous = [name in self._continuous for name in trajectory.joint_names]
-        following = Following(
-            trajectory, played.start_ns, tolerances, np.array(continuous)
-        )
+        continuous = [name in self._continuous for name in motion.joint_names]
+        following = Following(motion, played.start_ns, tolerances, np.array(continuous))
         self._preempt()
         handle.set_accepted()
         with self._lock:

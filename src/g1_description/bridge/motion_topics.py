@@ -145,32 +145,30 @@ class MotionTopics:
             if names:
                 check_joint_names(names, self._joints)
             return self._player.stop(names or self._joints)
-        trajectory = trajectory_from_message(message, self._joints)
-        return self._play(trajectory, message.header.stamp, stream=True)
+        motion = trajectory_from_message(message, self._joints)
+        return self._play(motion, message.header.stamp, stream=True)
 
     def _move(self, message: RobotTrajectory, stream: bool = False) -> Played:
         """Play a motion of joints and base, or stop them."""
-        trajectory = whole_body_from_message(message, self._joints, self._map)
-        if trajectory is None:
+        motion = whole_body_from_message(message, self._joints, self._map)
+        if motion is None:
             return self._player.stop()
         joints, base = message.joint_trajectory, message.multi_dof_joint_trajectory
         header = joints.header if joints.points else base.header
-        return self._play(trajectory, header.stamp, stream)
+        return self._play(motion, header.stamp, stream)
 
-    def _play(
-        self, trajectory: Motion, stamp: rospy.Time, stream: bool = False
-    ) -> Played:
+    def _play(self, motion: Motion, stamp: rospy.Time, stream: bool = False) -> Played:
         """Play a motion.
 
         Args:
-            trajectory: The motion.
+            motion: The motion.
             stamp: When it begins; zero: immediately.
             stream: Whether to play a single configuration without waiting.
         """
         start, now = stamp.to_nsec(), rospy.Time.now().to_nsec()
-        late = 1e-9 * (now - start) - trajectory.end
-        is_single = len(trajectory.times) == 1
-        is_configuration = trajectory.end == 0.0
+        late = 1e-9 * (now - start) - motion.end
+        is_single = len(motion.times) == 1
+        is_configuration = motion.end == 0.0
         if start and late > 0.0 and not is_configuration:
             raise MotionError(f"the motion ended {late:.3f} s ago")
         if start - now > MAX_LEAD:
@@ -182,11 +180,9 @@ class MotionTopics:
             start = 0
         act = self._player.stream if stream and is_single else self._player.play
         remark = ""
-        if trajectory.base_poses is not None:
-            remark = _remark(
-                trajectory.base_poses[0], self._base if is_single else None
-            )
-        return _with(remark, act(trajectory, start or None))
+        if motion.base_poses is not None:
+            remark = _remark(motion.base_poses[0], self._base if is_single else None)
+        return _with(remark, act(motion, start or None))
 
     def _on_base_command(self, message: PoseStamped) -> Played:
         """Place the robot by its root link."""

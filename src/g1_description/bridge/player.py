@@ -123,34 +123,34 @@ class MotionPlayer:
             self._claims.clear()
             self._unseen = []
 
-    def play(self, trajectory: Motion, start_ns: int | None = None) -> Played:
+    def play(self, motion: Motion, start_ns: int | None = None) -> Played:
         """Play a motion; wait for the simulator's answer.
 
         Args:
-            trajectory: The motion.
+            motion: The motion.
             start_ns: Start of its times, in [ns]; None: now.
         """
         if not self._finds_service():
-            return self._play_here(trajectory, start_ns)
-        message = model_trajectory(self._status.name, trajectory, start_ns)
+            return self._play_here(motion, start_ns)
+        message = model_trajectory(self._status.name, motion, start_ns)
         with self._sending:
             played = self._call(message)
             if not played.success:
                 return played
-            return played._replace(claim=self._claim(trajectory, played.start_ns))
+            return played._replace(claim=self._claim(motion, played.start_ns))
 
-    def stream(self, trajectory: Motion, start_ns: int | None = None) -> Played:
+    def stream(self, motion: Motion, start_ns: int | None = None) -> Played:
         """Like ``play``, without waiting: for a stream of configurations."""
         if time.monotonic() > self._searched + ASK_PERIOD:
             self._finds_service()
         if not self._plays_itself:
-            return self._play_here(trajectory, start_ns)
+            return self._play_here(motion, start_ns)
         if not self._topic.get_num_connections():
-            return self.play(trajectory, start_ns)
-        message = model_trajectory(self._status.name, trajectory, start_ns)
+            return self.play(motion, start_ns)
+        message = model_trajectory(self._status.name, motion, start_ns)
         with self._sending:
             # Before it is sent: the first state that shows it may come at once.
-            self._claim(trajectory, start_ns or self._status.stamp)
+            self._claim(motion, start_ns or self._status.stamp)
             self._topic.publish(message)
         return Played(True, "")
 
@@ -253,10 +253,10 @@ class MotionPlayer:
             )
         return state, motors.is_sample
 
-    def _claim(self, trajectory: Motion, start_ns: int) -> Claim:
+    def _claim(self, motion: Motion, start_ns: int) -> Claim:
         """Record what a motion moves, and which motions nobody will see."""
-        has_base = trajectory.base_poses is not None
-        parts = [name for name in trajectory.joint_names if name in self._joints]
+        has_base = motion.base_poses is not None
+        parts = [name for name in motion.joint_names if name in self._joints]
         parts += [BASE] if has_base else []
         claim = Claim(parts, start_ns)
         for _ in range(self._take(parts, start_ns)):
@@ -274,7 +274,7 @@ class MotionPlayer:
             self._unseen, n_unseen = seen, len(self._unseen) - len(seen)
         return n_unseen
 
-    def _play_here(self, trajectory: Motion, start_ns: int | None) -> Played:
+    def _play_here(self, motion: Motion, start_ns: int | None) -> Played:
         """Play a motion on a simulator that cannot play motions."""
         now = self._status.stamp
         if not now:
@@ -282,14 +282,12 @@ class MotionPlayer:
                 False, "the simulator has not published a state of the robot yet"
             )
         state = self._status.state
-        if trajectory.base_poses is not None and (
-            state is None or state.base_pose is None
-        ):
+        if motion.base_poses is not None and (state is None or state.base_pose is None):
             return Played(False, f"{self._status.name} has no floating base")
         start = start_ns or now
         with self._sending:
-            claim = self._claim(trajectory, start)
-            self._motions.add(trajectory, start)
+            claim = self._claim(motion, start)
+            self._motions.add(motion, start)
         return Played(True, "", start, claim)
 
     def _finds_service(self) -> bool:
@@ -341,11 +339,11 @@ class GazeboMotions:
         with self._lock:
             self._forget()
 
-    def add(self, trajectory: Motion, start_ns: int) -> None:
+    def add(self, motion: Motion, start_ns: int) -> None:
         """Play a motion from a time in [ns]."""
         with self._lock:
             self._is_playing = True
-            self._playlist.add(trajectory, start_ns)
+            self._playlist.add(motion, start_ns)
 
     def release(self, joints: Collection[str], base: bool) -> None:
         """End the motions of joints, and optionally of the base."""

@@ -21,9 +21,9 @@ from g1_description.ros.conversions import stamp_from_ns, transform
 MAX_STAMP = (1 << 32) * 1_000_000_000 - 1
 
 
-def write_bag(path: Path, trajectory: Motion, robot: Description, begin: int) -> None:
+def write_bag(path: Path, motion: Motion, robot: Description, begin: int) -> None:
     """Write joint_states, and the base on TF with the same stamps."""
-    t, frames = trajectory, BridgeParameters()
+    t, frames = motion, BridgeParameters()
     times = (t.times - t.times[0]).tolist()
     stamps = [begin + round(time * 1e9) for time in times]
     if stamps[-1] > MAX_STAMP:

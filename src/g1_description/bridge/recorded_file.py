@@ -73,7 +73,7 @@ def room_of(path: Path, joints: Sequence[str], has_base: bool) -> Room:
 
 def write_motion_file(
     path: Path,
-    trajectory: Motion,
+    motion: Motion,
     robot: Description,
     rate: float | None = None,
     begin: int = MIN_STAMP,
@@ -82,7 +82,7 @@ def write_motion_file(
 
     Args:
         path: The file, in the format of its extension; an existing one is replaced.
-        trajectory: The motion.
+        motion: The motion.
         robot: The robot that moves.
         rate: Samples per second of an npz, in [Hz]; None: those of the motion.
         begin: Stamp of the first sample, in [ns], which bags have; in a csv it is a
@@ -100,7 +100,7 @@ def write_motion_file(
             f"Unknown format of {path.name}: it must end in {' or '.join(ENDINGS)}."
         )
     if path.suffix.lower() != BAG:
-        files, notes = formats.contents(path, trajectory, robot, rate)
+        files, notes = formats.contents(path, motion, robot, rate)
         for file, part in files.items():
             if path.suffix.lower() == ".csv" and begin != MIN_STAMP:
                 part = f"# time 0 is {1e-9 * begin:.9f} s\n".encode() + part
@@ -109,5 +109,5 @@ def write_motion_file(
     from g1_description.bridge.recorded_bag import write_bag  # needs ROS
 
     with whole_file(path) as part:
-        write_bag(part, trajectory, robot, begin)
+        write_bag(part, motion, robot, begin)
     return ()

@@ -102,12 +102,12 @@ class Replay:
     def __init__(
         self, motion: Motion, robot: Description, parameters: ReplayParameters
     ) -> None:
-        self._trajectory = motion
+        self._motion = motion
         self._parameters = parameters
         self._frames = BridgeParameters()
         self._base = base_child(self._frames, robot)
         self._names = [joint.name for joint in robot.movable_joints]
-        names = self._trajectory.joint_names
+        names = self._motion.joint_names
         self._columns = [self._names.index(name) for name in names]
         self._states = rospy.Publisher("joint_states", JointState, queue_size=10)
         self._tf = tf2_ros.TransformBroadcaster()
@@ -132,12 +132,12 @@ class Replay:
         speed = self._parameters.speed
         time = elapsed * speed
         if self._parameters.loop:
-            time %= self._trajectory.duration + REST * speed
-        return self._trajectory.begin + time
+            time %= self._motion.duration + REST * speed
+        return self._motion.begin + time
 
     def _show(self, stamp: rospy.Time, time: float) -> None:
         """Publish the configuration at a time of the motion."""
-        found = sample(self._trajectory, time)
+        found = sample(self._motion, time)
         self._states.publish(self._message(stamp, found))
         if self._base is not None:
             pose = IDENTITY if found.base_poses is None else found.base_poses
@@ -159,12 +159,11 @@ class Replay:
 
 def report(motion: Motion) -> None:
     """Log the motion's size and the notes of its reader."""
-    trajectory = motion
     for note in motion.notes:
         rospy.logwarn("%s", note)
-    if trajectory.base_poses is None:
+    if motion.base_poses is None:
         rospy.logwarn("The motion has no base: it is shown at the origin of the map.")
-    rospy.loginfo("%d samples, %.2f s.", len(trajectory.times), trajectory.duration)
+    rospy.loginfo("%d samples, %.2f s.", len(motion.times), motion.duration)
 
 
 def main() -> None:

@@ -107,15 +107,15 @@ class CheckServices:
     ) -> CheckTrajectoryResponse:
         """Check a motion."""
         try:
-            trajectory = whole_body_from_message(
+            motion = whole_body_from_message(
                 request.trajectory, self._joints, self._frame
             )
-            if trajectory is None:
+            if motion is None:
                 raise MotionError("The trajectory has no points.")
             with self._motion_lock:
                 if self._motion_checker is None:
                     self._motion_checker = self._make_checker()
-                verdict = self._motion_checker.check(trajectory, request.only)
+                verdict = self._motion_checker.check(motion, request.only)
         except G1DescriptionError as error:
             return CheckTrajectoryResponse(status_message=str(error))
         return _answer(CheckTrajectoryResponse, verdict)

@@ -129,15 +129,15 @@ class Checker:
                     "joints: "
                     f"{listed(similar_first(name, known))}."
                 )
-        trajectory = _single(positions, base, velocities)
-        rules = self._rules(trajectory, only, physics=False)
-        measured = self._measure(replace(trajectory, velocities=None), rules)
-        if trajectory.velocities is not None:
-            measured.velocities = trajectory.velocities
+        motion = _single(positions, base, velocities)
+        rules = self._rules(motion, only, physics=False)
+        measured = self._measure(replace(motion, velocities=None), rules)
+        if motion.velocities is not None:
+            measured.velocities = motion.velocities
         return self._verdict(measured, rules, ())
 
     def _rules(
-        self, trajectory: Motion, only: Collection[str], physics: bool
+        self, motion: Motion, only: Collection[str], physics: bool
     ) -> dict[Rule, str]:
         """Select the rules, by default all, each with the reason it is skipped for."""
         rules = {rule.name: rule for rule in RULES if physics or not rule.needs_physics}
@@ -148,24 +148,24 @@ class Checker:
                     f"Unknown check '{name}'. Known checks: {known}."
                 )
         return {
-            rule: rule.skipped(self._robot, trajectory)
+            rule: rule.skipped(self._robot, motion)
             for rule in rules.values()
             if not only or rule.name in only
         }
 
-    def _measure(self, trajectory: Motion, rules: Mapping[Rule, str]) -> Measured:
+    def _measure(self, motion: Motion, rules: Mapping[Rule, str]) -> Measured:
         """Measure what the active rules need."""
         made = [rule for rule, why in rules.items() if not why]
         needs = {need for rule in made for need in rule.needs}
         own = {rule.name: rule.measure for rule in made if rule.measure is not None}
-        return measure(self._robot, trajectory, needs, own)
+        return measure(self._robot, motion, needs, own)
 
     def _play(self, measured: Measured, rules: dict[Rule, str]) -> None:
         """Simulate a motion; if that fails, skip the rules that need it."""
         assert self.physics is not None
-        trajectory = measured.trajectory
+        motion = measured.motion
         try:
-            measured.played = rollout(self.description, trajectory, self.physics)
+            measured.played = rollout(self.description, motion, self.physics)
         except G1DescriptionError as error:
             why = str(error).rstrip(".")
             rules.update({rule: why for rule in rules if rule.needs_physics})
@@ -173,7 +173,7 @@ class Checker:
         if saturated_joints(measured):
             freely = replace(self.physics, has_limits=False)
             with suppress(G1DescriptionError):  # their need stays unknown
-                measured.unlimited = rollout(self.description, trajectory, freely)
+                measured.unlimited = rollout(self.description, motion, freely)
 
     def _verdict(
         self, measured: Measured, rules: Mapping[Rule, str], notes: Collection[str]
@@ -202,7 +202,7 @@ class Checker:
 
 def _figures(measured: Measured) -> dict[str, float]:
     """Compute the figures of a motion."""
-    joints, positions = measured.joints, measured.trajectory.positions
+    joints, positions = measured.joints, measured.motion.positions
     lower = np.array([joint.lower for joint in joints])
     upper = np.array([joint.upper for joint in joints])
     beyond = ((positions < lower) | (positions > upper)).any(axis=1)
@@ -215,7 +215,7 @@ def _figures(measured: Measured) -> dict[str, float]:
     }
     if speeds.size:
         found["joint_speed.max"] = float(speeds.max())
-    if measured.trajectory.base_poses is not None:
+    if measured.motion.base_poses is not None:
         found.update(_ways(measured))
     if measured.power is not None and len(measured.times) > 1:
         is_known = measured.once(near_jumps).is_known

@@ -161,7 +161,7 @@ def draw_marks(canvas: Canvas, verdict: Verdict, limit_margin: float) -> None:
     """
     measured = verdict.measured
     assert measured is not None
-    poses = measured.trajectory.base_poses
+    poses = measured.motion.base_poses
     base = IDENTITY if poses is None else poses[0]
     rules = {rule.name: rule for rule in RULES if rule.namespace}
     labels = [

@@ -72,20 +72,20 @@ class CheckedRobot:
         self.links = tuple(name for name in description.link_names if name != WORLD)
         """Links in the order of their poses."""
 
-    def lacks(self, need: str, trajectory: Motion) -> str:
+    def lacks(self, need: str, motion: Motion) -> str:
         """Return why a need of a rule is not met by a motion; empty if it is.
 
         Args:
             need: One of ``Rule.needs``.
-            trajectory: The motion.
+            motion: The motion.
         """
         on_floor = need in ("base", "ground", "balance")
         is_moving = need == "neighbours"
         if need == "velocities":
-            is_moving = trajectory.velocities is None
+            is_moving = motion.velocities is None
         reasons = {
             "the base is fixed": self.is_fixed and (on_floor or need == "free base"),
-            NO_BASE: on_floor and trajectory.base_poses is None,
+            NO_BASE: on_floor and motion.base_poses is None,
             "the robot has no shapes": on_floor
             and need != "base"
             and not len(self.ground.rows),
@@ -95,7 +95,7 @@ class CheckedRobot:
             and not self.is_fixed,
             "no pair of links needs checking": need == "pairs"
             and not self.collisions.pairs,
-            "there is only one configuration": is_moving and len(trajectory.times) == 1,
+            "there is only one configuration": is_moving and len(motion.times) == 1,
         }
         return next((why for why, holds in reasons.items() if holds), "")
 
@@ -111,18 +111,18 @@ class Measured:
     Arrays that no check needs are None.
     """
 
-    def __init__(self, robot: CheckedRobot, trajectory: Motion) -> None:
+    def __init__(self, robot: CheckedRobot, motion: Motion) -> None:
         """Sample the motion's joints at all times, in chunks to save memory.
 
         Raises:
             MotionError: If the motion is too long.
         """
-        self.robot, self.trajectory = robot, trajectory
-        self.times = _refined(trajectory.times, robot.thresholds.longest_interval)
+        self.robot, self.motion = robot, motion
+        self.times = _refined(motion.times, robot.thresholds.longest_interval)
         """In [s], increasing, shape (n,): the times of the samples, and more between
         samples that are far apart."""
         names = [joint.name for joint in robot.joints]
-        columns = [names.index(name) for name in trajectory.joint_names]
+        columns = [names.index(name) for name in motion.joint_names]
         self.joints: list[Joint] = [robot.joints[column] for column in columns]
         """The joints of the motion."""
         self._columns = np.array(columns, dtype=int)
@@ -130,7 +130,7 @@ class Measured:
         self.positions, self.velocities = np.empty(shape), np.empty(shape)
         """Values of its joints in [rad] or [m], and per second, shape (n, k)."""
         for piece in self.chunks():
-            found = sample(trajectory, self.times[piece])
+            found = sample(motion, self.times[piece])
             self.positions[piece] = found.positions
             self.velocities[piece] = found.velocities
         self.own: dict[str, Any] = {}
@@ -161,7 +161,7 @@ class Measured:
     @property
     def joint_names(self) -> tuple[str, ...]:
         """Joints of the motion."""
-        return self.trajectory.joint_names
+        return self.motion.joint_names
 
     @property
     def contacts(self) -> Contacts | None:
@@ -220,7 +220,7 @@ class Measured:
             Shape (n, ...).
         """
         found = np.full((len(self.times), *values.shape[1:]), fill)
-        found[np.searchsorted(self.times, self.trajectory.times)] = values
+        found[np.searchsorted(self.times, self.motion.times)] = values
         return found
 
     def chunks(self) -> Iterator[slice]:
@@ -242,7 +242,7 @@ class Measured:
             Joints missing from the motion are at zero, a missing base is at the map's
             origin.
         """
-        found = sample(self.trajectory, times)
+        found = sample(self.motion, times)
         positions = np.zeros((2, len(times), len(self.robot.joints)))
         positions[0][:, self._columns] = found.positions
         positions[1][:, self._columns] = found.velocities
@@ -257,7 +257,7 @@ class Measured:
 
     def base_poses(self) -> np.ndarray:
         """Find the poses of the base at all times, shape (n, 7)."""
-        return _base_of(sample(self.trajectory, self.times), len(self.times))[0]
+        return _base_of(sample(self.motion, self.times), len(self.times))[0]
 
     def dynamics(self, times: np.ndarray) -> RobotMotion:
         """Find the robot's motion at times in [s], shape (m,), by differences.
@@ -281,7 +281,7 @@ class Measured:
 
 def measure(
     robot: CheckedRobot,
-    trajectory: Motion,
+    motion: Motion,
     needs: Collection[str],
     own: Mapping[str, Measure],
 ) -> Measured:
@@ -289,14 +289,14 @@ def measure(
 
     Args:
         robot: The robot.
-        trajectory: Trajectory of joints that it has.
+        motion: Trajectory of joints that it has.
         needs: ``ground``, ``center``, ``balance``, ``efforts``; others are ignored.
         own: Measurements of rules, by name.
 
     Raises:
         MotionError: If the motion is too long.
     """
-    found = Measured(robot, trajectory)
+    found = Measured(robot, motion)
     pieces = [_piece(found, piece, needs, own) for piece in found.chunks()]
 
     def joined(name: str) -> np.ndarray | None:

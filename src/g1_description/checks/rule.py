@@ -84,13 +84,13 @@ class Rule:
         """Return the thresholds of this check."""
         return thresholds.levels.get(self.name, self.level)
 
-    def skipped(self, robot: CheckedRobot, trajectory: Motion) -> str:
+    def skipped(self, robot: CheckedRobot, motion: Motion) -> str:
         """Return why the check is skipped for a motion; empty if it is not."""
-        reasons = (robot.lacks(need, trajectory) for need in self.needs)
+        reasons = (robot.lacks(need, motion) for need in self.needs)
         why = next(filter(None, reasons), "")
         if not why and not self.level_in(robot.thresholds).is_set:
             return "disabled: no threshold is set"
-        return why or (self.skip(robot, trajectory) if self.skip else "")
+        return why or (self.skip(robot, motion) if self.skip else "")
 
     def lowest(self, thresholds: Thresholds) -> float:
         """Return the threshold at which findings begin; NaN if none is set."""

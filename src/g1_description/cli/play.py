@@ -234,26 +234,26 @@ def prepare(args: PlayOptions, robot: RobotView) -> Motion:
     motion = read_motion(args.file, robot.description, options)
     for note in motion.notes:
         notify(note)
-    trajectory = motion.cut(args.begin, args.end)
+    motion = motion.cut(args.begin, args.end)
     requested = [args.start_here and "--start-here", args.on_floor and "--on-floor"]
-    if trajectory.base_poses is None and any(requested):
+    if motion.base_poses is None and any(requested):
         names = " and ".join(filter(None, requested))
         raise InvalidValueError(
             f"{names} needs a motion with a base, which {args.file.name} lacks."
         )
-    if trajectory.base_poses is not None and args.anchor is not None:
+    if motion.base_poses is not None and args.anchor is not None:
         raise InvalidValueError(
             f"--anchor needs a motion without a base, but {args.file.name} has one."
         )
     if args.start_here:
-        trajectory = to_start_at(trajectory, base_pose(robot, args.base_frame))
+        motion = to_start_at(motion, base_pose(robot, args.base_frame))
     if args.on_floor:
-        lowest = lowest_height(robot.description, trajectory)
+        lowest = lowest_height(robot.description, motion)
         T_map_motion = IDENTITY.copy()
         T_map_motion[2] = -lowest
-        trajectory = moved(trajectory, T_map_motion)
+        motion = moved(motion, T_map_motion)
         notify(f"moved the motion by {-lowest:+.4f} m in height.")
-    return trajectory
+    return motion
 
 
 def base_pose(robot: RobotView, frame: str | None) -> np.ndarray:
@@ -283,7 +283,7 @@ def progress(session: Session, speed: float) -> str:
     share = (time - begin) / (end - begin) if end > begin else 1.0
     done = round(share * BAR)
     bar = "#" * done + "." * (BAR - done)
-    frames = f"sample {session.frame} of {len(session.trajectory.times)}"
+    frames = f"sample {session.frame} of {len(session.motion.times)}"
     state = "" if session.is_running else "  paused"
     rate = "" if speed == 1.0 else f"  x {speed:g}"
     return f"[{bar}] {time:6.2f} of {end:.2f} s  {frames}{rate}{state}"
@@ -338,25 +338,25 @@ def play(args: PlayOptions) -> None:
     robot = RobotView(args.namespace, notify)
     if not robot.wait_until(lambda: robot.state, TIMEOUT):
         raise NoAnswerError(f"The robot's state is unknown: {robot.silence}")
-    trajectory = prepare(args, robot)
-    session = Session(robot, trajectory, args.speed, notify, args.lead_in)
+    motion = prepare(args, robot)
+    session = Session(robot, motion, args.speed, notify, args.lead_in)
     with closing(Keyboard(terminal())) as keyboard:
         # Before the shutdown, while services can be called: else the robot continues.
         rospy.core.add_preshutdown_hook(lambda _: _leave(robot, keyboard))
         with robot.anchored(args.anchor):
             follow(session, keyboard, args)
     if session.is_over:
-        _check_end(robot, trajectory, args.file.name)
+        _check_end(robot, motion, args.file.name)
         notify(f"{args.file}: {session.end - session.begin:.2f} s played.")
 
 
-def _check_end(robot: RobotView, trajectory: Motion, name: str) -> None:
+def _check_end(robot: RobotView, motion: Motion, name: str) -> None:
     """Check that the robot reached the end of the motion.
 
     Raises:
         NoAnswerError: If it does not.
     """
-    last = dict(zip(trajectory.joint_names, trajectory.positions[-1].tolist()))
+    last = dict(zip(motion.joint_names, motion.positions[-1].tolist()))
     known = robot.positions
     goal = {
         joint.name: min(max(last[joint.name], joint.lower), joint.upper)

@@ -245,15 +245,15 @@ def save(recorder: Recorder, robot: Description, args: RecordOptions) -> None:
     Raises:
         G1DescriptionError: If it cannot be written.
     """
-    trajectory, begin = recorder.trajectory()
+    motion, begin = recorder.motion()
     # Of streamed configurations they are all zero.
-    trajectory = replace(trajectory, velocities=known_velocities(trajectory))
+    motion = replace(motion, velocities=known_velocities(motion))
     rate = args.rate or None
-    notes = write_motion_file(args.out, trajectory, robot, rate, begin)
+    notes = write_motion_file(args.out, motion, robot, rate, begin)
     for note in (*recorder.notes, *notes):
         notify(note)
-    count = len(trajectory.times)
-    text = f"{args.out}: {count} samples, {trajectory.duration:.2f} s"
+    count = len(motion.times)
+    text = f"{args.out}: {count} samples, {motion.duration:.2f} s"
     print(f"{text}, begins at {1e-9 * begin:.3f} s", flush=True)
 
 

@@ -124,7 +124,7 @@ class Recorder:
         if self._seconds is not None and elapsed >= self._seconds * 1e9:
             self.is_over = True
 
-    def trajectory(self) -> tuple[Motion, int]:
+    def motion(self) -> tuple[Motion, int]:
         """Return the recorded motion, from time zero, and the first stamp in [ns]."""
         if self._ignored:
             self.notes.append(f"ignored {self._ignored} incomplete states.")

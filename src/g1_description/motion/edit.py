@@ -15,48 +15,46 @@ from g1_description.robot.transform import compose, inverse
 from g1_description.text import listed
 
 
-def later(trajectory: Motion, lead_in: float) -> Motion:
+def later(motion: Motion, lead_in: float) -> Motion:
     """Delay a motion, so that the robot can move to the first sample and rest there.
 
     Args:
-        trajectory: The motion.
+        motion: The motion.
         lead_in: The delay in [s]; 0: the motion is returned unchanged.
     """
     if not lead_in:
-        return trajectory
-    velocities = trajectory.velocities
+        return motion
+    velocities = motion.velocities
     if velocities is not None:
         velocities = np.vstack([np.zeros_like(velocities[:1]), velocities[1:]])
-    return replace(trajectory, times=trajectory.times + lead_in, velocities=velocities)
+    return replace(motion, times=motion.times + lead_in, velocities=velocities)
 
 
-def moved(trajectory: Motion, T_map_motion: np.ndarray) -> Motion:
+def moved(motion: Motion, T_map_motion: np.ndarray) -> Motion:
     """Move the base of a motion as a whole.
 
     Args:
-        trajectory: The motion.
+        motion: The motion.
         T_map_motion: New pose of the motion's origin in the map, shape (7,).
     """
-    if trajectory.base_poses is None:
-        return trajectory
-    return replace(trajectory, base_poses=compose(T_map_motion, trajectory.base_poses))
+    if motion.base_poses is None:
+        return motion
+    return replace(motion, base_poses=compose(T_map_motion, motion.base_poses))
 
 
-def to_start_at(trajectory: Motion, pose: np.ndarray) -> Motion:
+def to_start_at(motion: Motion, pose: np.ndarray) -> Motion:
     """Move a motion so that it starts at a position and yaw.
 
     Height, roll and pitch of the motion are kept.
 
     Args:
-        trajectory: The motion.
+        motion: The motion.
         pose: Pose of the base in the map, shape (7,).
     """
-    if trajectory.base_poses is None:
-        return trajectory
-    T_map_motion = compose(
-        projected(pose), inverse(projected(trajectory.base_poses[0]))
-    )
-    return moved(trajectory, T_map_motion)
+    if motion.base_poses is None:
+        return motion
+    T_map_motion = compose(projected(pose), inverse(projected(motion.base_poses[0])))
+    return moved(motion, T_map_motion)
 
 
 def projected(pose: np.ndarray) -> np.ndarray:
@@ -152,9 +150,9 @@ def _joined(before: Motion, after: Motion, blend: float, follows: bool) -> Motio
     )
 
 
-def _period(trajectory: Motion) -> float:
+def _period(motion: Motion) -> float:
     """Return the average time between two samples, in [s]; 0 for a single one."""
-    return trajectory.duration / max(len(trajectory.times) - 1, 1)
+    return motion.duration / max(len(motion.times) - 1, 1)
 
 
 def _blended(before: Motion, after: Motion, blend: float) -> Motion:
@@ -192,15 +190,15 @@ def between(T_a_b: np.ndarray, T_a_c: np.ndarray, weight: np.ndarray) -> np.ndar
     return np.concatenate([places, multiply(T_a_b[..., 3:], turn)], axis=-1)
 
 
-def joint_speeds(trajectory: Motion) -> np.ndarray:
+def joint_speeds(motion: Motion) -> np.ndarray:
     """Compute the top speeds of the joints, also between samples.
 
     Returns:
         In [rad/s] or [m/s], shape (n_joints,); 0 for a single sample without
         velocities.
     """
-    rates, gaps = trajectory.velocities, np.diff(trajectory.times)[:, np.newaxis]
-    slopes = np.diff(trajectory.positions, axis=0) / gaps
+    rates, gaps = motion.velocities, np.diff(motion.times)[:, np.newaxis]
+    slopes = np.diff(motion.positions, axis=0) / gaps
     if rates is None:
         return np.abs(slopes).max(axis=0, initial=0.0)
     # The velocity is a parabola of the share of a segment; its vertex may be inside.
@@ -211,19 +209,19 @@ def joint_speeds(trajectory: Motion) -> np.ndarray:
     return np.abs(np.concatenate([rates, vertex])).max(axis=0)
 
 
-def base_speed(trajectory: Motion) -> float | None:
+def base_speed(motion: Motion) -> float | None:
     """Compute the top speed of the base's origin in [m/s]; None without a base."""
-    if trajectory.base_poses is None:
+    if motion.base_poses is None:
         return None
-    steps = np.linalg.norm(np.diff(trajectory.base_poses[:, :3], axis=0), axis=1)
-    return float((steps / np.diff(trajectory.times)).max(initial=0.0))
+    steps = np.linalg.norm(np.diff(motion.base_poses[:, :3], axis=0), axis=1)
+    return float((steps / np.diff(motion.times)).max(initial=0.0))
 
 
-def highest_speed(trajectory: Motion, robot: Description) -> float:
+def highest_speed(motion: Motion, robot: Description) -> float:
     """Compute how fast a motion can be played within the velocity limits of the joints.
 
     Args:
-        trajectory: The motion.
+        motion: The motion.
         robot: Its limits.
 
     Returns:
@@ -233,9 +231,9 @@ def highest_speed(trajectory: Motion, robot: Description) -> float:
         MotionError: If no joint with a limit moves, or one whose limit is 0.
     """
     limits = {joint.name: joint.velocity for joint in robot.movable_joints}
-    bounds = np.array([limits.get(name, np.inf) for name in trajectory.joint_names])
-    speeds = joint_speeds(trajectory)
-    for name, speed, bound in zip(trajectory.joint_names, speeds, bounds):
+    bounds = np.array([limits.get(name, np.inf) for name in motion.joint_names])
+    speeds = joint_speeds(motion)
+    for name, speed, bound in zip(motion.joint_names, speeds, bounds):
         if speed and not bound:
             raise MotionError(f"{name} cannot move: its velocity limit is 0.")
     share = (speeds / np.where(speeds == 0.0, 1.0, bounds)).max(initial=0.0)

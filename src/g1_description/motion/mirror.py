@@ -32,7 +32,7 @@ MAX_ANGLE = np.radians(2.0)
 """Largest angle between their axes, in [rad]."""
 
 
-def mirrored(trajectory: Motion, robot: Description) -> Motion:
+def mirrored(motion: Motion, robot: Description) -> Motion:
     """Exchange left and right.
 
     The mirror is the plane y = 0 of the map, for the base that of the robot. Joints
@@ -40,26 +40,26 @@ def mirrored(trajectory: Motion, robot: Description) -> Motion:
     ``right_knee``; their axes give the sign.
 
     Args:
-        trajectory: The motion, of joints of the robot.
+        motion: The motion, of joints of the robot.
         robot: The robot, symmetric at zero.
 
     Raises:
         MotionError: If the robot has no such joint, or is not symmetric.
     """
     signs = _signs(robot)
-    unknown = [name for name in trajectory.joint_names if name not in signs]
+    unknown = [name for name in motion.joint_names if name not in signs]
     if unknown:
         raise MotionError(f"{robot.name} has no joints {listed(unknown)}.")
-    new = [other_side(name) for name in trajectory.joint_names]
-    own = trajectory.joint_names
+    new = [other_side(name) for name in motion.joint_names]
+    own = motion.joint_names
     names = own if {*new} == {*own} else tuple(new)
     columns = [new.index(name) for name in names]
     factors = np.array([signs[name] for name in names])
-    velocities, poses = trajectory.velocities, trajectory.base_poses
+    velocities, poses = motion.velocities, motion.base_poses
     return replace(
-        trajectory,
+        motion,
         joint_names=names,
-        positions=factors * trajectory.positions[:, columns],
+        positions=factors * motion.positions[:, columns],
         velocities=None if velocities is None else factors * velocities[:, columns],
         base_poses=None if poses is None else POSE_MIRROR * poses,
     )

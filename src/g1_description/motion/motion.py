@@ -346,11 +346,11 @@ class Sample:
     axes, in [m/s] and [rad/s], shape (..., 6)."""
 
 
-def sample(trajectory: Motion, times: np.ndarray | float) -> Sample:
+def sample(motion: Motion, times: np.ndarray | float) -> Sample:
     """Interpolate a motion.
 
     Args:
-        trajectory: The motion.
+        motion: The motion.
         times: Since its start in [s], shape (...).
 
     Returns:
@@ -358,34 +358,34 @@ def sample(trajectory: Motion, times: np.ndarray | float) -> Sample:
         the velocities of the following segment.
     """
     found = np.asarray(times, dtype=float)
-    if len(trajectory.times) == 1:
-        return _single(trajectory, found)
-    first, last, gaps, moves = _segments(trajectory.times, found)
-    elapsed = found - trajectory.times[first]
+    if len(motion.times) == 1:
+        return _single(motion, found)
+    first, last, gaps, moves = _segments(motion.times, found)
+    elapsed = found - motion.times[first]
     fraction = np.where(moves & (elapsed > SNAP), elapsed, 0.0) / gaps
-    positions, velocities = _joints(trajectory, first, last, fraction, gaps)
+    positions, velocities = _joints(motion, first, last, fraction, gaps)
     velocities = np.where(moves[..., np.newaxis], velocities, 0.0)
-    if trajectory.base_poses is None:
+    if motion.base_poses is None:
         return Sample(positions, velocities, None, None)
-    begin, end = trajectory.base_poses[first], trajectory.base_poses[last]
+    begin, end = motion.base_poses[first], motion.base_poses[last]
     poses, twists = _base(begin, end, fraction, gaps)
     return Sample(
         positions, velocities, poses, np.where(moves[..., np.newaxis], twists, 0.0)
     )
 
 
-def _single(trajectory: Motion, times: np.ndarray) -> Sample:
+def _single(motion: Motion, times: np.ndarray) -> Sample:
     """Return the only sample of a motion, with velocities for ``SINGLE_TIME``."""
-    n_joints = len(trajectory.joint_names)
-    positions = np.broadcast_to(trajectory.positions[0], (*times.shape, n_joints))
+    n_joints = len(motion.joint_names)
+    positions = np.broadcast_to(motion.positions[0], (*times.shape, n_joints))
     velocities = np.zeros(positions.shape)
-    if trajectory.velocities is not None:
-        is_shown = times > trajectory.end - SNAP
-        is_shown &= times < trajectory.rest_time
-        velocities[is_shown] = trajectory.velocities[0]
-    if trajectory.base_poses is None:
+    if motion.velocities is not None:
+        is_shown = times > motion.end - SNAP
+        is_shown &= times < motion.rest_time
+        velocities[is_shown] = motion.velocities[0]
+    if motion.base_poses is None:
         return Sample(positions, velocities, None, None)
-    poses = np.broadcast_to(trajectory.base_poses[0], (*times.shape, 7))
+    poses = np.broadcast_to(motion.base_poses[0], (*times.shape, 7))
     return Sample(positions, velocities, poses, np.zeros((*times.shape, 6)))
 
 
@@ -406,7 +406,7 @@ def _segments(
 
 
 def _joints(
-    trajectory: Motion,
+    motion: Motion,
     first: np.ndarray,
     last: np.ndarray,
     fraction: np.ndarray,
@@ -414,11 +414,11 @@ def _joints(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Interpolate the joints; return positions and velocities."""
     s, h = fraction[..., np.newaxis], gaps[..., np.newaxis]
-    p0, p1 = trajectory.positions[first], trajectory.positions[last]
-    if trajectory.velocities is None:
+    p0, p1 = motion.positions[first], motion.positions[last]
+    if motion.velocities is None:
         return p0 + s * (p1 - p0), (p1 - p0) / h
     # Cubic Hermite polynomial on [0, 1], and its derivative.
-    v0, v1 = h * trajectory.velocities[first], h * trajectory.velocities[last]
+    v0, v1 = h * motion.velocities[first], h * motion.velocities[last]
     step = p1 - p0
     square, cube = 3.0 * step - 2.0 * v0 - v1, v0 + v1 - 2.0 * step
     positions = p0 + s * (v0 + s * (square + s * cube))

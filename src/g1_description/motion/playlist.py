@@ -42,7 +42,7 @@ class Playback:
     """A motion that is played, except for joints that newer commands took over.
 
     Args:
-        trajectory: The motion.
+        motion: The motion.
         start_ns: Time zero of the motion, in [ns].
         columns: Indices of the motion's joints that the robot has, shape (n,).
         rows: Their indices among the robot's movable joints, shape (n,).
@@ -50,18 +50,18 @@ class Playback:
 
     def __init__(
         self,
-        trajectory: Motion,
+        motion: Motion,
         start_ns: int,
         columns: np.ndarray,
         rows: np.ndarray,
     ) -> None:
         self.start_ns = start_ns
         self.has_begun = False
-        self.moves_base = trajectory.base_poses is not None
+        self.moves_base = motion.base_poses is not None
         """Whether it moves the base."""
-        self.is_single = len(trajectory.times) == 1
+        self.is_single = len(motion.times) == 1
         """Whether it is a single configuration."""
-        self._trajectory = trajectory
+        self._motion = motion
         self._sampled_ns = self._step_ns = 0
         self._ahead: tuple[int, Sample] | None = None
         """Time in [ns] of the first of several configurations, and them."""
@@ -91,12 +91,12 @@ class Playback:
         """
         self.has_begun = True
         elapsed = max(0.0, self._elapsed(time_ns))
-        if elapsed < self._trajectory.times[0]:
+        if elapsed < self._motion.times[0]:
             self._prepend(elapsed, present)
 
     def _prepend(self, time: float, present: Setpoint) -> None:
         """Insert the robot's state before the first sample."""
-        old = self._trajectory
+        old = self._motion
         positions, velocities = old.positions[0].copy(), np.zeros(len(old.joint_names))
         positions[self._columns] = present.positions[self.rows]
         velocities[self._columns] = present.velocities[self.rows]
@@ -109,18 +109,18 @@ class Playback:
                 old.base_poses[0] if present.base_pose is None else present.base_pose
             )
             added["base_poses"] = np.vstack([first, old.base_poses])
-        self._trajectory, self._ahead = replace(old, **added), None
+        self._motion, self._ahead = replace(old, **added), None
 
     def reaches_sample(self, time_ns: int) -> bool:
         """Return whether there is a sample since the time of the last call."""
-        times, before = self._trajectory.times, self._n_reached
+        times, before = self._motion.times, self._n_reached
         until = self._elapsed(time_ns) + SNAP
         self._n_reached = int(np.searchsorted(times, until, side="right"))
         return self._n_reached != before
 
     def is_over(self, time_ns: int) -> bool:
         """Return whether it has ended at a time in [ns]."""
-        return self._elapsed(time_ns) >= self._trajectory.rest_time
+        return self._elapsed(time_ns) >= self._motion.rest_time
 
     def setpoint(self, time_ns: int) -> Setpoint:
         """Sample it at a time in [ns]."""
@@ -142,7 +142,7 @@ class Playback:
                 return self._ahead[1], index
         count = AHEAD if is_steady else 1
         times = [self._elapsed(time_ns + n * step) for n in range(count)]
-        found = sample(self._trajectory, np.array(times))
+        found = sample(self._motion, np.array(times))
         self._ahead = (time_ns, found) if is_steady else None
         return found, 0
 
@@ -173,16 +173,16 @@ class Playlist:
         """Whether any motion has not begun."""
         return any(not one.has_begun for one in self._playbacks)
 
-    def add(self, trajectory: Motion, start_ns: int) -> Playback:
+    def add(self, motion: Motion, start_ns: int) -> Playback:
         """Add a motion; it takes its joints from motions that would begin later.
 
         Args:
-            trajectory: The motion; unknown joints are ignored.
+            motion: The motion; unknown joints are ignored.
             start_ns: Time zero of the motion, in [ns].
         """
-        if trajectory.joint_names != self._names:
-            self._find(trajectory.joint_names)
-        playback = Playback(trajectory, start_ns, self._columns, self._rows)
+        if motion.joint_names != self._names:
+            self._find(motion.joint_names)
+        playback = Playback(motion, start_ns, self._columns, self._rows)
         later = [
             one
             for one in self._playbacks
@@ -276,7 +276,7 @@ class Following:
     until the others arrive.
 
     Args:
-        trajectory: The desired motion. Before its first sample, the joints move there
+        motion: The desired motion. Before its first sample, the joints move there
             from their present positions.
         start_ns: Time zero of the motion, in [ns].
         tolerances: The largest errors.
@@ -285,16 +285,16 @@ class Following:
 
     def __init__(
         self,
-        trajectory: Motion,
+        motion: Motion,
         start_ns: int,
         tolerances: Tolerances,
         is_continuous: np.ndarray,
     ) -> None:
-        self.joint_names = trajectory.joint_names
+        self.joint_names = motion.joint_names
         self.start_ns = start_ns
         every = np.arange(len(self.joint_names))
-        self._playback = Playback(trajectory, start_ns, every, every)
-        self._end = trajectory.end
+        self._playback = Playback(motion, start_ns, every, every)
+        self._end = motion.end
         self._tolerances, self._has_path = tolerances, tolerances.has_path
         self._is_continuous = is_continuous
         self._reached = np.zeros(len(self.joint_names), dtype=bool)
@@ -337,16 +337,16 @@ class Following:
         return (time_ns - self.start_ns) / 1e9
 
 
-def remaining(trajectory: Motion, time: float) -> Motion | None:
+def remaining(motion: Motion, time: float) -> Motion | None:
     """Remove the samples until a time, in [s]; None if none follows."""
-    first = int(np.searchsorted(trajectory.times, time + SNAP, side="right"))
-    if first == len(trajectory.times):
+    first = int(np.searchsorted(motion.times, time + SNAP, side="right"))
+    if first == len(motion.times):
         return None
-    velocities, bases = trajectory.velocities, trajectory.base_poses
+    velocities, bases = motion.velocities, motion.base_poses
     return replace(
-        trajectory,
-        times=trajectory.times[first:],
-        positions=trajectory.positions[first:],
+        motion,
+        times=motion.times[first:],
+        positions=motion.positions[first:],
         velocities=None if velocities is None else velocities[first:],
         base_poses=None if bases is None else bases[first:],
     )

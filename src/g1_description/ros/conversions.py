@@ -95,22 +95,22 @@ def transform(
 
 
 def model_trajectory(
-    model: str, trajectory: Motion, start_ns: int | None = None
+    model: str, motion: Motion, start_ns: int | None = None
 ) -> ModelTrajectory:
     """Write a motion as a message.
 
     Args:
         model: Name of the model in the simulator.
-        trajectory: The motion.
+        motion: The motion.
         start_ns: Start of its times, in [ns]; None: the next step.
     """
-    velocities, bases = trajectory.velocities, trajectory.base_poses
+    velocities, bases = motion.velocities, motion.base_poses
     return ModelTrajectory(
         model,
         stamp_from_ns(start_ns or 0),
-        list(trajectory.joint_names),
-        trajectory.times.tolist(),
-        trajectory.positions.ravel().tolist(),
+        list(motion.joint_names),
+        motion.times.tolist(),
+        motion.positions.ravel().tolist(),
         [] if velocities is None else velocities.ravel().tolist(),
         [] if bases is None else bases.ravel().tolist(),
     )

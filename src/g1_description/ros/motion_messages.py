@@ -1,4 +1,4 @@
-"""Conversion of trajectory messages to trajectories and back."""
+"""Conversion of trajectory messages to motions and back."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def trajectory_from_message(
         joints: Names of the joints that it may move.
 
     Returns:
-        The trajectory, with times since the stamp of the message's header.
+        The motion, with times since the stamp of the message's header.
 
     Raises:
         UnknownNameError: If it has other joints, or none.
@@ -58,37 +58,35 @@ def trajectory_from_message(
     return Motion(_times(points), tuple(names), positions, velocities)
 
 
-def message_of_joints(trajectory: Motion) -> JointTrajectory:
-    """Convert the joints of a trajectory that starts now; times to whole [ns]."""
-    speeds = trajectory.velocities
-    rates = [[]] * len(trajectory.times) if speeds is None else speeds.tolist()
-    message = JointTrajectory(joint_names=list(trajectory.joint_names))
+def message_of_joints(motion: Motion) -> JointTrajectory:
+    """Convert the joints of a motion that starts now; times to whole [ns]."""
+    speeds = motion.velocities
+    rates = [[]] * len(motion.times) if speeds is None else speeds.tolist()
+    message = JointTrajectory(joint_names=list(motion.joint_names))
     message.points = [
         JointTrajectoryPoint(positions=row, velocities=rate, time_from_start=time)
         for row, rate, time in zip(
-            trajectory.positions.tolist(), rates, durations_of(trajectory)
+            motion.positions.tolist(), rates, durations_of(motion)
         )
     ]
     return message
 
 
 def whole_body_message(
-    trajectory: Motion, stamp: genpy.Time | None = None
+    motion: Motion, stamp: genpy.Time | None = None
 ) -> RobotTrajectory:
     """Convert a motion of joints and base; it starts at a time, by default at once."""
     message = RobotTrajectory()
-    if trajectory.joint_names:
-        message.joint_trajectory = message_of_joints(trajectory)
+    if motion.joint_names:
+        message.joint_trajectory = message_of_joints(motion)
     base = message.multi_dof_joint_trajectory
-    if trajectory.base_poses is not None:
+    if motion.base_poses is not None:
         base.joint_names = ["base"]
         base.points = [
             MultiDOFJointTrajectoryPoint(
                 transforms=[to_transform(pose)], time_from_start=time
             )
-            for pose, time in zip(
-                trajectory.base_poses.tolist(), durations_of(trajectory)
-            )
+            for pose, time in zip(motion.base_poses.tolist(), durations_of(motion))
         ]
     for part in (message.joint_trajectory, base):
         part.header.stamp = stamp or genpy.Time()
@@ -124,9 +122,9 @@ def motion_from_message(
     return motion
 
 
-def durations_of(trajectory: Motion) -> list[genpy.Duration]:
+def durations_of(motion: Motion) -> list[genpy.Duration]:
     """Convert the times of a trajectory to the nearest whole [ns]."""
-    counts = (round(1e9 * time) for time in trajectory.times.tolist())
+    counts = (round(1e9 * time) for time in motion.times.tolist())
     return [genpy.Duration(*divmod(count, 1_000_000_000)) for count in counts]
 
 
@@ -207,10 +205,10 @@ def whole_body_from_message(
     times = _times(base.points)
     if not arms.points:
         return Motion(times, (), np.zeros((len(times), 0)), base_poses=poses)
-    trajectory = trajectory_from_message(arms, joints)
-    if not np.array_equal(trajectory.times, times):
+    motion = trajectory_from_message(arms, joints)
+    if not np.array_equal(motion.times, times):
         raise MotionError("The points of base and joints must have the same times.")
-    return replace(trajectory, base_poses=poses)
+    return replace(motion, base_poses=poses)
 
 
 def pose_from_numbers(pose: np.ndarray) -> np.ndarray:

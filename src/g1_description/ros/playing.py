@@ -31,7 +31,7 @@ class MotionClient:
         self.may_move = False
         """Whether the robot may be moving."""
 
-    def play(self, trajectory: Motion) -> tuple[int, str]:
+    def play(self, motion: Motion) -> tuple[int, str]:
         """Play a motion now.
 
         Returns:
@@ -43,12 +43,12 @@ class MotionClient:
         """
         with self._lock:
             # Set before is_left is read: leave() sets is_left before it reads may_move.
-            self.may_move = len(trajectory.times) > 1 or trajectory.times[0] > 0.0
+            self.may_move = len(motion.times) > 1 or motion.times[0] > 0.0
             if self.is_left:
                 self.may_move = False
                 raise rospy.ROSInterruptException("interrupted")
             try:
-                return self._call(whole_body_message(trajectory))
+                return self._call(whole_body_message(motion))
             except RefusedError:
                 self.may_move = False
                 raise
@@ -145,7 +145,7 @@ class Session:
     def __init__(
         self,
         robot: PlayedRobot,
-        trajectory: Motion,
+        motion: Motion,
         speed: float,
         notify: Callable[[str], None],
         lead_in: float = 0.0,
@@ -154,7 +154,7 @@ class Session:
 
         Args:
             robot: The robot that plays the motion.
-            trajectory: The motion.
+            motion: The motion.
             speed: Seconds of the motion per second.
             notify: Called with messages about deviations from the request.
             lead_in: Time to go to the start of the motion, in [s].
@@ -163,7 +163,7 @@ class Session:
         self.speed = speed
         """Seconds of the motion per second; takes effect with ``start``."""
         self._lead_in = lead_in
-        self.trajectory = trajectory
+        self.motion = motion
         self.is_running = False
         self._reported, self._rate = "", speed
         self._begin_ns: int | None = None
@@ -175,12 +175,12 @@ class Session:
     @property
     def begin(self) -> float:
         """Time of the first sample, in [s]."""
-        return self.trajectory.begin
+        return self.motion.begin
 
     @property
     def end(self) -> float:
         """Time of the last sample, in [s]."""
-        return self.trajectory.end
+        return self.motion.end
 
     @property
     def time(self) -> float:
@@ -207,7 +207,7 @@ class Session:
     def frame(self) -> int:
         """Number of the sample at or before that time, from 1."""
         until = self.time + SNAP
-        return int(np.searchsorted(self.trajectory.times, until, side="right"))
+        return int(np.searchsorted(self.motion.times, until, side="right"))
 
     @property
     def _has_begun(self) -> bool:
@@ -229,7 +229,7 @@ class Session:
             self._from = self.begin
             self._begin_ns = None
         self._seen_ns, self._ended, self._rate = 0, None, self.speed
-        part = self.trajectory.cut(self._from)
+        part = self.motion.cut(self._from)
         self.is_running = False
         self._begin_ns = self._play(part.at_speed(self._rate, self._from))
         self.is_running = True
@@ -249,15 +249,15 @@ class Session:
 
     def step(self, n: int) -> None:
         """Pause, and show the sample ``n`` after the current one."""
-        last = len(self.trajectory.times) - 1
+        last = len(self.motion.times) - 1
         row = min(max(self.frame - 1 + n, 0), last)
-        self.show(float(self.trajectory.times[row]))
+        self.show(float(self.motion.times[row]))
 
     def show(self, time: float) -> None:
         """Pause, and show the configuration at a time of the motion, in [s]."""
         self.pause()
         self._time = time
-        part = self.trajectory.cut(time, time).at_speed(1.0, time)
+        part = self.motion.cut(time, time).at_speed(1.0, time)
         begin_ns = self._play(part)
         if not self._has_begun:
             self._begin_ns = begin_ns

@@ -129,12 +129,12 @@ class Motions:
         self._trackers: dict[Playback, MotionTracker] = {}
         self._tracked: list[MotionTracker] = []
 
-    def play(self, model: Model, trajectory: Motion, start_ns: int) -> Report:
+    def play(self, model: Model, motion: Motion, start_ns: int) -> Report:
         """Play a motion, from the first step at or after its start.
 
         Args:
             model: The model.
-            trajectory: The motion; joints that the model does not have are ignored.
+            motion: The motion; joints that the model does not have are ignored.
             start_ns: Start of its times, in [ns] of simulated time.
 
         Returns:
@@ -143,17 +143,17 @@ class Motions:
         Raises:
             InvalidValueError: If the model cannot play any part of it.
         """
-        has_base = trajectory.base_poses is not None
+        has_base = motion.base_poses is not None
         if self._engine.physics == "limp":
             raise InvalidValueError("nothing drives the joints in limp physics")
         if has_base and (not model.trees or model.trees[0].is_on_world):
             raise InvalidValueError(f"the base of {model.name} is fixed to the world")
         is_moved = has_base and not self._engine.is_dynamic
-        if not (is_moved or model.joint_rows(trajectory.joint_names)):
+        if not (is_moved or model.joint_rows(motion.joint_names)):
             raise InvalidValueError(f"the motion has no joint of {model.name}")
         playlist = self._playlists.setdefault(model, Playlist(model.joint_names))
-        playlist.add(trajectory, start_ns)
-        return _report(model, trajectory)
+        playlist.add(motion, start_ns)
+        return _report(model, motion)
 
     def stop(self, model: Model, names: Collection[str] = ()) -> None:
         """Stop joints, or all of a model.
@@ -299,16 +299,16 @@ def _inside_limits(model: Model, desired: Setpoint) -> Setpoint:
     return desired._replace(positions=inside, velocities=velocities)
 
 
-def _report(model: Model, trajectory: Motion) -> Report:
+def _report(model: Model, motion: Motion) -> Report:
     """Find the joints of a motion that a model does not have or has to clamp."""
     report = Report()
-    for column, name in enumerate(trajectory.joint_names):
+    for column, name in enumerate(motion.joint_names):
         row = model.joint_row(name)
         if row is None:
             report.unknown.append(name)
             continue
         lower, upper = float(model.lower[row]), float(model.upper[row])
-        positions = trajectory.positions[:, column]
+        positions = motion.positions[:, column]
         most, least = float(positions.max()), float(positions.min())
         if most > upper + LIMIT_TOLERANCE:
             report.clamped[name] = most, upper

@@ -113,25 +113,25 @@ def _boxes(model: Model) -> Iterator[tuple[str, np.ndarray]]:
             yield link.name, np.array(corners)
 
 
-def lowest_height(robot: Description, trajectory: Motion) -> float:
+def lowest_height(robot: Description, motion: Motion) -> float:
     """Compute the lowest point of a robot in the samples of a motion.
 
     For links without collision shapes visual ones are used; planes are ignored.
 
     Args:
         robot: The robot.
-        trajectory: The motion; other joints are at zero.
+        motion: The motion; other joints are at zero.
 
     Returns:
         Height in the map, in [m]; of the links' origins if there are no shapes.
     """
-    return float(lowest_heights(robot, trajectory).min())
+    return float(lowest_heights(robot, motion).min())
 
 
-def lowest_heights(robot: Description, trajectory: Motion) -> np.ndarray:
+def lowest_heights(robot: Description, motion: Motion) -> np.ndarray:
     """Like ``lowest_height``, of each sample, shape (n_samples,)."""
-    positions = of_robot(trajectory.joint_names, trajectory.positions, robot)
-    bases = trajectory.base_poses
+    positions = of_robot(motion.joint_names, motion.positions, robot)
+    bases = motion.base_poses
     if bases is None:
         bases = np.broadcast_to(IDENTITY, (len(positions), 7))
     place = Kinematics(robot).link_poses

@@ -51,13 +51,13 @@ def _jumps(times: np.ndarray, steps: np.ndarray) -> np.ndarray:
 
 def _joint_jumps(measured: Measured) -> np.ndarray:
     """Compute jumps of joints, in [rad] or [m], shape (n, n_joints)."""
-    motion = measured.trajectory
+    motion = measured.motion
     return measured.spread(_jumps(motion.times, np.diff(motion.positions, axis=0)), 0.0)
 
 
 def _base_jumps(measured: Measured) -> np.ndarray:
     """Compute jumps of the base, in [m] and in [rad], shape (n, 2)."""
-    motion = measured.trajectory
+    motion = measured.motion
     if motion.base_poses is None:
         return np.zeros((len(measured.times), 2))
     places, turns = motion.base_poses[:, :3], motion.base_poses[:, 3:]

@@ -54,7 +54,7 @@ def _derived(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
 
 def _derivatives(measured: Measured) -> tuple[np.ndarray, np.ndarray]:
     """Compute accelerations and jerks at the motion's samples."""
-    return derivatives(measured.trajectory)
+    return derivatives(measured.motion)
 
 
 def _rates(
@@ -111,7 +111,7 @@ def _fractions(
             yield rule.compared(measured, (name,), sizes[:, column], text)
 
 
-def derivatives(trajectory: Motion) -> tuple[np.ndarray, np.ndarray]:
+def derivatives(motion: Motion) -> tuple[np.ndarray, np.ndarray]:
     """Compute the accelerations and jerks of a motion's samples.
 
     Returns:
@@ -120,15 +120,15 @@ def derivatives(trajectory: Motion) -> tuple[np.ndarray, np.ndarray]:
         with the larger acceleration of both sides; else differences of neighbouring
         samples. NaN at the ends, where neighbours are missing.
     """
-    times, positions = trajectory.times, trajectory.positions
+    times, positions = motion.times, motion.positions
     acceleration, jerk = np.full((2, *positions.shape), np.nan)
     h, step = np.diff(times)[:, np.newaxis], np.diff(positions, axis=0)
-    if len(times) > 2 and trajectory.velocities is None:
+    if len(times) > 2 and motion.velocities is None:
         middle = (times[2:] - times[:-2])[:, np.newaxis] / 2.0
         acceleration[1:-1] = np.diff(step / h, axis=0) / middle
         jerk[1:-2] = np.diff(acceleration[1:-1], axis=0) / h[1:-1]
-    elif len(times) > 1 and trajectory.velocities is not None:
-        v0, v1 = h * trajectory.velocities[:-1], h * trajectory.velocities[1:]
+    elif len(times) > 1 and motion.velocities is not None:
+        v0, v1 = h * motion.velocities[:-1], h * motion.velocities[1:]
         begin = (6.0 * step - 4.0 * v0 - 2.0 * v1) / h**2
         end = (2.0 * v0 + 4.0 * v1 - 6.0 * step) / h**2
         acceleration[:-1] = begin
@@ -138,9 +138,9 @@ def derivatives(trajectory: Motion) -> tuple[np.ndarray, np.ndarray]:
     return acceleration, jerk
 
 
-def _no_bounds(robot: CheckedRobot, trajectory: Motion, name: str) -> str:
+def _no_bounds(robot: CheckedRobot, motion: Motion, name: str) -> str:
     """Return a reason if no joint of a motion has a bound; else empty."""
-    bounds = getattr(robot.thresholds, name).of(trajectory.joint_names)
+    bounds = getattr(robot.thresholds, name).of(motion.joint_names)
     return "" if np.isfinite(bounds).any() else "no bounds are set"
 
 

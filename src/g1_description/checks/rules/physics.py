@@ -208,7 +208,7 @@ def physics_summary(measured: Measured) -> str:
     played, outcome = _played(measured), "the robot does not fall"
     if played.fell_at is not None:
         outcome = f"the robot falls at {played.fell_at:.3f} s"
-        end = measured.trajectory.times[-1]
+        end = measured.motion.times[-1]
         if played.fell_at < end:
             outcome += f" of {end:.3f} s, where the simulation ends"
     elif measured.robot.is_fixed:

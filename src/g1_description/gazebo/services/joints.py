@@ -170,16 +170,16 @@ def _play(simulation: Simulation, message: ModelTrajectory):
         world.motions.stop(model, message.joint_names)
         response.start = stamp_from_ns(now)
         return response
-    trajectory = _trajectory(message)
+    motion = _trajectory(message)
     next_ns = now if simulation.stepper.paused else now + world.properties.step_ns
     start = message.start.to_nsec() or next_ns
     is_new = world.is_dynamic and start >= now
-    jump = _jump(model, trajectory) if is_new else ""
-    report = world.motions.play(model, trajectory, start)
+    jump = _jump(model, motion) if is_new else ""
+    report = world.motions.play(model, motion, start)
     if start <= now:
         world.motions.step(now)
     details = [*remarks(model, report), jump]
-    if trajectory.base_poses is not None and world.is_dynamic:
+    if motion.base_poses is not None and world.is_dynamic:
         details.append("the base is ignored, physics moves it")
     response.status_message = simulation.message("", *details)
     response.start = stamp_from_ns(start)
@@ -224,14 +224,14 @@ def drive(simulation: Simulation, message: MotorCommands) -> None:
         simulation.log.warn(key, f"{name}: motor_commands: {text}", SHORT_PERIOD)
 
 
-def _jump(model: Model, trajectory: Motion) -> str:
+def _jump(model: Model, motion: Motion) -> str:
     """Describe a joint far from the first sample; empty if there is none.
 
     A single configuration is a command; a first sample after 0 s leaves time.
     """
-    if len(trajectory.times) == 1 or trajectory.times[0] > 0.0:
+    if len(motion.times) == 1 or motion.times[0] > 0.0:
         return ""
-    first = dict(zip(trajectory.joint_names, trajectory.positions[0].tolist()))
+    first = dict(zip(motion.joint_names, motion.positions[0].tolist()))
     desired = np.array([first.get(n, np.nan) for n in model.joint_names])
     desired = np.minimum(np.maximum(desired, model.lower), model.upper)
     apart = np.abs(desired - model.target)

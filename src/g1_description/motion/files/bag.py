@@ -318,7 +318,7 @@ def _joined(
             )
         poses = _poses_at(own, bases, stamps)
     is_last = np.append(np.diff(stamps) > 0, True)
-    trajectory = Motion(
+    motion = Motion(
         (stamps[is_last] - stamps[0]) / 1e9,
         names,
         positions[is_last],
@@ -326,7 +326,7 @@ def _joined(
         None if poses is None else poses[is_last],
     )
     whence = f", base from {source}" if path else ""
-    return replace(trajectory, notes=(f"Joints from {topic}{whence}.", *notes))
+    return replace(motion, notes=(f"Joints from {topic}{whence}.", *notes))
 
 
 def _table(
@@ -533,7 +533,7 @@ def _trajectory(topic: str, messages: Sequence[tuple[int, Any]]) -> Motion:
     has_rates = bool(joints.names) and all(map(len, rates))
     shape = len(joints.points), len(joints.names)
     stamps = np.array([_nanoseconds(point) for point in joints.points])
-    trajectory = Motion(
+    motion = Motion(
         stamps / 1e9,
         tuple(joints.names),
         np.array([point.positions for point in joints.points]).reshape(shape),
@@ -543,8 +543,8 @@ def _trajectory(topic: str, messages: Sequence[tuple[int, Any]]) -> Motion:
     if base and base.points:
         own, bases, base_notes = _ordered_path(_path(base))
         poses = _poses_at(own, bases, stamps)
-        trajectory, notes = replace(trajectory, base_poses=poses), [*notes, *base_notes]
-    return replace(trajectory, notes=tuple(notes))
+        motion, notes = replace(motion, base_poses=poses), [*notes, *base_notes]
+    return replace(motion, notes=tuple(notes))
 
 
 def _path(base: Any) -> _Poses:

@@ -136,12 +136,12 @@ def most_samples(joints: Sequence[str], has_base: bool, size: int) -> int:
 
 
 def write(
-    trajectory: Motion, robot: Description, rate: float | None
+    motion: Motion, robot: Description, rate: float | None
 ) -> tuple[bytes, tuple[str, ...]]:
     """Write a motion with evenly spaced times from zero.
 
     Args:
-        trajectory: With a base; joints missing in it are at zero.
+        motion: With a base; joints missing in it are at zero.
         robot: The robot.
         rate: Samples per second, in [Hz]; None: those of the motion, on average.
 
@@ -151,9 +151,9 @@ def write(
     Raises:
         MotionError: If it has no base or too many samples.
     """
-    if trajectory.base_poses is None:
+    if motion.base_poses is None:
         raise MotionError(NO_BASE)
-    evenly, fps, notes = even(trajectory, rate)
+    evenly, fps, notes = even(motion, rate)
     poses, twists = bodies(evenly, robot)
     arrays = {
         "fps": np.array([fps]),

@@ -268,7 +268,7 @@ def _may_be_motion(names: list[str], row: str, robot: Description) -> bool:
 
 
 def write(
-    trajectory: Motion, robot: Description, rate: float | None
+    motion: Motion, robot: Description, rate: float | None
 ) -> tuple[bytes, tuple[str, ...]]:
     """Write a motion as a table with a header, without loss of precision.
 
@@ -278,7 +278,7 @@ def write(
     Raises:
         MotionError: If a joint has the name of another column.
     """
-    t = trajectory
+    t = motion
     names, parts = [TIME], [t.times[:, np.newaxis]]
     if t.base_poses is not None:
         names, parts = [*names, *BASE], [*parts, t.base_poses]

@@ -128,13 +128,11 @@ def usual_joints(motion: Motion, robot: Description) -> tuple[str, ...]:
     return next((n for n in known if {*n} == {*motion.joint_names}), own)
 
 
-def even(
-    trajectory: Motion, rate: float | None
-) -> tuple[Motion, float, tuple[str, ...]]:
+def even(motion: Motion, rate: float | None) -> tuple[Motion, float, tuple[str, ...]]:
     """Resample a motion to evenly spaced times, if necessary.
 
     Args:
-        trajectory: The motion.
+        motion: The motion.
         rate: Samples per second, in [Hz]; None: those of the motion, on average.
 
     Returns:
@@ -143,15 +141,15 @@ def even(
     Raises:
         MotionError: If it would have too many samples, or the rate is not positive.
     """
-    times = trajectory.times - trajectory.times[0]
-    fps = mean_rate(trajectory, rate)
+    times = motion.times - motion.times[0]
+    fps = mean_rate(motion, rate)
     try:
-        found = trajectory.resampled(fps)
+        found = motion.resampled(fps)
     except InvalidValueError as error:
         raise MotionError(str(error)) from error
     n_samples, regular = len(found.times), found.times - found.times[0]
     if n_samples == len(times) and np.abs(times - regular).max() <= EVEN:
-        return trajectory, fps, ()
+        return motion, fps, ()
     is_even = len(times) < 2 or np.ptp(np.diff(times)) <= EVEN
     why = "Resampled" if is_even else "The times are not evenly spaced: resampled"
     note = f"{why} to {n_samples} samples at {fps:g} Hz."
@@ -165,11 +163,11 @@ def mean_rate(motion: Motion, rate: float | None) -> float:
     return float(rate or (round(mean) if abs(mean - round(mean)) < 1e-3 else mean))
 
 
-def bodies(trajectory: Motion, robot: Description) -> tuple[np.ndarray, np.ndarray]:
+def bodies(motion: Motion, robot: Description) -> tuple[np.ndarray, np.ndarray]:
     """Place the root and the joints' child links.
 
     Args:
-        trajectory: With a base and joints of the robot; others are at zero.
+        motion: With a base and joints of the robot; others are at zero.
         robot: The robot.
 
     Returns:
@@ -177,17 +175,17 @@ def bodies(trajectory: Motion, robot: Description) -> tuple[np.ndarray, np.ndarr
         twists along the map's axes, linear then angular, shape (..., 6).
     """
     child = {joint.name: joint.child for joint in robot.movable_joints}
-    links = [robot.root, *(child[name] for name in trajectory.joint_names)]
+    links = [robot.root, *(child[name] for name in motion.joint_names)]
     rows = [robot.link_names.index(link) for link in links]
-    found = sample(trajectory, trajectory.times)
-    base, base_twists = trajectory.base_poses, found.base_twists
+    found = sample(motion, motion.times)
+    base, base_twists = motion.base_poses, found.base_twists
     assert base is not None and base_twists is not None
     base_twists = _between(base_twists)
-    velocities = velocities_of(trajectory)
-    positions = of_robot(trajectory.joint_names, trajectory.positions, robot)
-    velocities = of_robot(trajectory.joint_names, velocities, robot)
+    velocities = velocities_of(motion)
+    positions = of_robot(motion.joint_names, motion.positions, robot)
+    velocities = of_robot(motion.joint_names, velocities, robot)
     kinematics = Kinematics(robot)
-    shape = len(trajectory.times), len(links)
+    shape = len(motion.times), len(links)
     poses, twists = np.empty((*shape, 7)), np.empty((*shape, 6))
     for begin in range(0, len(poses), BATCH):
         part = slice(begin, begin + BATCH)
