@@ -11,7 +11,7 @@ commands = rospy.Publisher("joint_commands", JointState, queue_size=1)
 while not commands.get_num_connections():
     rospy.sleep(0.1)
 
-pose = robot.pose("t_pose")
+pose = robot.named_configuration("t_pose")
 commands.publish(JointState(name=robot.joint_names, position=pose))
 
 while True:

@@ -13,7 +13,7 @@ states = []
 
 def squat(depth):
     """Bend the knees, and place the base so that the left foot stays."""
-    joints = dict(zip(robot.joint_names, robot.pose("stand")))
+    joints = dict(zip(robot.joint_names, robot.named_configuration("stand")))
     for side in ("left", "right"):
         joints[f"{side}_hip_pitch_joint"] -= depth
         joints[f"{side}_knee_joint"] += 2 * depth

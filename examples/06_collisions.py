@@ -10,14 +10,16 @@ print(f"{len(robot.collision_pairs)} pairs of links are checked")
 # The right arm goes from the side into the body.
 roll = np.linspace(-0.3, 0.4, 8)
 arm = robot.positions({"right_shoulder_roll_joint": roll})
-contacts = robot.collisions(arm)
-for frame, pair, distance in zip(contacts.frame, contacts.pair, contacts.distance):
+contacts = robot.self_collisions(arm)
+for sample, pair, distance in zip(contacts.sample, contacts.pair, contacts.distance):
     first, second = robot.collision_pairs[pair]
-    print(f"roll {roll[frame]:+.1f}: {first} - {second} {-1000 * distance:.1f} mm deep")
+    print(
+        f"roll {roll[sample]:+.1f}: {first} - {second} {-1000 * distance:.1f} mm deep"
+    )
 
-near = robot.collisions(robot.pose("stand"), margin=0.02)
+near = robot.self_collisions(robot.named_configuration("stand"), margin=0.02)
 print(f"standing, {len(near.pair)} pairs are nearer than 2 cm")
 
 drawn = robot.random_configuration(rng=1, size=200)
-colliding = np.unique(robot.collisions(drawn).frame)
+colliding = np.unique(robot.self_collisions(drawn).sample)
 print(f"{len(colliding)} of {len(drawn)} random configurations collide")

@@ -10,7 +10,7 @@ robot = Robot()
 def plan(joint, goal, duration):
     """Plan from standing: the planner under test."""
     s = np.linspace(0.0, 1.0, 51)
-    rows = np.tile(robot.pose("stand"), (len(s), 1))
+    rows = np.tile(robot.named_configuration("stand"), (len(s), 1))
     column = robot.joint_row(joint)
     rows[:, column] += (goal - rows[0, column]) * (3 * s**2 - 2 * s**3)
     return robot.on_floor(

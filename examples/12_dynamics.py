@@ -18,7 +18,7 @@ jacobian = robot.jacobian("left_rubber_hand", squat.positions, squat.base)
 rates = np.gradient(squat.positions, squat.times, axis=0)
 print(f"Jacobian {jacobian.shape}, fastest joint {np.abs(rates).max():.2f} rad/s")
 
-efforts = robot.inverse_dynamics(robot.pose("t_pose"))
+efforts = robot.inverse_dynamics(robot.named_configuration("t_pose"))
 row = robot.joint_row("left_shoulder_roll_joint")
 limit = robot.effort_limits[row]
 print(f"arm stretched out: {efforts[row]:.2f} of {limit:.0f} N m at the shoulder")

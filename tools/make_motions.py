@@ -36,7 +36,7 @@ MOVED = {
 }
 """The joints that place a link, and how much of its pose counts: all, or its place."""
 
-STAND = robot.pose("stand")
+STAND = robot.named_configuration("stand")
 REST = robot.on_floor(
     robot.trajectory([0.0], STAND[np.newaxis], base=[[0, 0, 0, 0, 0, 0, 1]])
 )

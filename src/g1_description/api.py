@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import warnings
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -21,6 +20,7 @@ from g1_description.errors import (
     UnknownNameError,
 )
 from g1_description.files.atomic import write_whole
+from g1_description.former import former, former_arguments
 from g1_description.motion.files.conventions import JOINT_ORDERS
 from g1_description.motion.files.formats import read_motion, write_motion
 from g1_description.motion.files.source import ReadOptions
@@ -76,6 +76,9 @@ if TYPE_CHECKING:
     )
     from g1_description.msg import RobotTrajectory
 
+_IK_ARGUMENTS = {"hold": "fixed_links", "collisions": "avoid_collisions"}
+"""New names of arguments by former ones."""
+
 Seed = Union[int, np.random.Generator, None]
 
 ThresholdValues = Union[Thresholds, "Mapping[str, Any]", str, "PathLike[str]", None]
@@ -94,11 +97,12 @@ class Robot:
     world's origin.
     """
 
+    @former_arguments(collisions="allowed_collisions")
     def __init__(
         self,
         model: str | PathLike[str] | Description = DEFAULT,
         motors: str | PathLike[str] | None = None,
-        collisions: str | PathLike[str] | None = None,
+        allowed_collisions: str | PathLike[str] | None = None,
     ) -> None:
         """Read a robot.
 
@@ -109,7 +113,8 @@ class Robot:
                 URDF, such as the parameter robot_description; or a ``Description``.
             motors: File of its motors, or the name of others of its profile, such as
                 ``pd``; None: the usual ones of its profile.
-            collisions: File of its allowed collisions; None: those of its profile.
+            allowed_collisions: File of pairs of links that may touch; None: that of its
+                profile.
 
         Raises:
             DescriptionError: If the file cannot be read, or is not a robot.
@@ -125,7 +130,8 @@ class Robot:
         # Given, so that processes on other machines need not find it.
         self.description = replace(found, given_profile=self.profile)
         """Links and joints, as read from the file."""
-        self._allowed = None if collisions is None else Path(collisions).expanduser()
+        pairs = allowed_collisions
+        self._allowed = None if pairs is None else Path(pairs).expanduser()
         joints = self.description.movable_joints
         self.name = self.description.name
         self.joint_names = tuple(joint.name for joint in joints)
@@ -159,10 +165,10 @@ class Robot:
         poses = read_poses(self.description)
         return tuple(n for n, pose in poses.items() if fits(pose, self.description))
 
-    def pose(self, name: str) -> np.ndarray:
+    def named_configuration(self, name: str) -> np.ndarray:
         """Return the positions of a named pose, shape (n_joints,).
 
-        ``pose(profile.standing_pose)`` is that in which the robot stands.
+        In ``named_configuration(profile.standing_pose)`` the robot stands.
 
         Raises:
             UnknownNameError: If there is no such pose, or it has unknown joints.
@@ -171,6 +177,8 @@ class Robot:
         pose = find_pose(name, read_poses(self.description))
         check_pose(pose, self.description)
         return pose_positions(pose, self.description)
+
+    pose = former("Robot.pose", "named_configuration")
 
     def random_configuration(
         self, rng: Seed = None, size: int | tuple[int, ...] = ()
@@ -283,6 +291,7 @@ class Robot:
         """
         return self._masses.robot_center(self.forward_kinematics(positions, base))
 
+    @former_arguments(**_IK_ARGUMENTS)
     def ik(
         self,
         targets: Mapping[str, Any],
@@ -301,19 +310,19 @@ class Robot:
             base: Pose of the base link at the start.
             options: Any of these:
 
-                - ``hold``: names or roles of links that stay where they are at the
-                  start; by default the profile's feet, as far as they have no target.
-                - ``balance=True``: the centre of mass is above the held links that
+                - ``fixed_links``: names or roles of links that stay where they are at
+                  the start; by default the profile's feet without targets.
+                - ``balance=True``: the centre of mass is above the fixed links that
                   stand on the floor, by a centimetre.
-                - ``collisions=True``: links that are checked for collisions keep 2 mm
-                  apart.
-                - ``floor``: height in [m] below which no link gets, but for those that
-                  are held; by default there is no floor.
+                - ``avoid_collisions=True``: links that are checked for collisions keep
+                  2 mm apart.
+                - ``floor``: height in [m] below which no link gets, but for fixed
+                  ones; by default there is no floor.
                 - ``base_motion``: how the base moves: ``free``, ``planar`` (along and
-                  about the floor) or ``fixed``; by default free if a link is held or a
-                  foot has a target, else fixed.
+                  about the floor) or ``fixed``; by default free if a link is
+                  fixed or a foot has a target, else fixed.
                 - ``weights``: of targets by name, by default 1; infinite: the others
-                  must not disturb it, as with held links.
+                  must not disturb it, as with fixed links.
                 - ``points``: points of links that are brought to their targets, such
                   as fingertips, x y z in the frame of the link; by default its origin.
 
@@ -331,6 +340,7 @@ class Robot:
         begin, pose = self._start(start, base)
         return self._inverse.solve(targets, begin, pose, kept)
 
+    @former_arguments(**_IK_ARGUMENTS)
     def ik_path(
         self,
         times: Any,
@@ -347,7 +357,7 @@ class Robot:
                 (n_samples, 3).
             start: As for ``ik``: where the search for the first sample begins.
             base: As for ``ik``.
-            options: As for ``ik``; links are held where they are at the start.
+            options: As for ``ik``; fixed links stay where they are at the start.
 
         Returns:
             The motion, whose joints keep to their limits of position and velocity, and
@@ -463,6 +473,7 @@ class Robot:
         options = ReadOptions(rate, None, order, format, joint_order)
         return read_motion(file, self.description, options)
 
+    @former_arguments(trajectory="motion")
     def write_motion(
         self,
         path: str | PathLike[str],
@@ -490,13 +501,13 @@ class Robot:
         file = Path(path).expanduser()
         return write_motion(file, motion, self.description, rate, format)
 
+    @former_arguments(base_poses="base")
     def trajectory(
         self,
         times: Any,
         positions: JointValues,
         velocities: JointValues | None = None,
         base: Any = None,
-        base_poses: Any = None,
     ) -> Motion:
         """Make a motion of all joints.
 
@@ -507,7 +518,6 @@ class Robot:
                 are interpolated linearly.
             base: Poses of the base link, shape (n_samples, 7); None: the motion has no
                 base.
-            base_poses: The former name of ``base``, deprecated.
 
         Raises:
             G1DescriptionError: If an argument is invalid.
@@ -518,13 +528,6 @@ class Robot:
             if velocities is None
             else self._rates(velocities, placed.shape, "velocity")
         )
-        if base_poses is not None:
-            warnings.warn(
-                "Robot.trajectory(base_poses=...) is deprecated; use base=...",
-                DeprecationWarning,
-                stacklevel=2,
-            )
-            base = base_poses if base is None else base
         poses = None if base is None else as_poses(base)
         own_times = np.array(times, dtype=float)
         return Motion(own_times, self.joint_names, placed, rates, poses)
@@ -576,6 +579,7 @@ class Robot:
         """
         return _messages().motion_from_message(message, self.joint_names)
 
+    @former_arguments(trajectory="motion")
     def positions_of(self, motion: Motion) -> np.ndarray:
         """Arrange the positions of a motion in the order of the robot's joints.
 
@@ -623,7 +627,9 @@ class Robot:
         """Return the positions of a pose by joint."""
         if pose is None:
             return None
-        values = self.pose(pose) if isinstance(pose, str) else self.positions(pose)
+        if isinstance(pose, str):
+            pose = self.named_configuration(pose)
+        values = self.positions(pose)
         if values.shape != (len(self.joint_names),):
             raise InvalidValueError(
                 f"A pose must have the shape ({len(self.joint_names)},) (got "
@@ -792,7 +798,7 @@ class Robot:
         limits = _thresholds(thresholds)
         return Checker(self.description, limits, fixed_base, shapes, conditions)
 
-    def collisions(
+    def self_collisions(
         self, positions: JointValues, base: Any = None, margin: float = 0.0
     ) -> Contacts:
         """Find self-collisions, except of allowed pairs.
@@ -803,7 +809,7 @@ class Robot:
             margin: In [m]; links nearer than this are found; 0: only overlaps.
 
         Returns:
-            The contacts; ``frame`` is the index of the configuration, ``pair`` that of
+            The contacts; ``sample`` is the index of the configuration, ``pair`` that of
             the links in ``collision_pairs``, ``distance`` is negative for overlaps.
 
         Raises:
@@ -812,6 +818,8 @@ class Robot:
         poses = self.forward_kinematics(positions, base)
         poses = poses.reshape(-1, len(self.link_names), 7)
         return self._usual_checker.collisions.contacts(poses, margin)
+
+    collisions = former("Robot.collisions", "self_collisions")
 
     @property
     def collision_pairs(self) -> tuple[tuple[str, str], ...]:

@@ -20,6 +20,7 @@ from gazebo_msgs.srv import GetPhysicsProperties
 from std_srvs.srv import Empty
 
 from g1_description.errors import InvalidValueError
+from g1_description.former import former_arguments
 from g1_description.motion.history import CommandStream
 from g1_description.motion.motion import Motion
 from g1_description.robot.arrays import (
@@ -238,6 +239,7 @@ class Client:
         names, numbers = named_positions(positions, self.joint_names)
         return self.follow(Motion(np.zeros(1), names, np.array([numbers])))
 
+    @former_arguments(trajectory="motion")
     def follow(self, motion: Motion) -> str:
         """Start a motion now; it advances with the following steps.
 
@@ -257,6 +259,7 @@ class Client:
         )
         return answer.status_message
 
+    @former_arguments(trajectory="motion")
     def play(self, motion: Motion, every: int = 1) -> Motion:
         """Play a motion to its end.
 

@@ -73,15 +73,15 @@ def test_contacts_are_those_of_each_configuration():
     given = ROBOT.positions(
         {name: np.broadcast_to(value, 2) for name, value in arm.items()}
     )
-    contacts = ROBOT.collisions(given)
-    assert 0 not in contacts.frame
+    contacts = ROBOT.self_collisions(given)
+    assert 0 not in contacts.sample
     names = {name for pair in contacts.pair for name in ROBOT.collision_pairs[pair]}
     assert "torso_link" in names
     assert (contacts.distance < 0.0).all()
-    alone = ROBOT.collisions(given[1], base=BASE)
+    alone = ROBOT.self_collisions(given[1], base=BASE)
     np.testing.assert_array_equal(alone.pair, contacts.pair)
     np.testing.assert_allclose(alone.distance, contacts.distance, atol=1e-5)
-    assert len(ROBOT.collisions(given, margin=0.05).pair) > len(contacts.pair)
+    assert len(ROBOT.self_collisions(given, margin=0.05).pair) > len(contacts.pair)
 
 
 def test_mistakes_are_told():
@@ -95,7 +95,7 @@ def test_mistakes_are_told():
         ROBOT.check_state({}, base=[0.0, 1.0])
     two = np.zeros((2, len(ROBOT.joint_names)))
     with pytest.raises(InvalidValueError, match="margin"):
-        ROBOT.collisions({}, margin=float("nan"))
+        ROBOT.self_collisions({}, margin=float("nan"))
     for rate in (0, -1.0, float("nan"), "a"):
         with pytest.raises(MotionError, match="rate"):
             ROBOT.read_motion("nowhere.csv", rate)

@@ -141,11 +141,11 @@ def test_positions_of_no_robot_are_refused(positions, words):
 
 def test_named_poses_are_those_of_the_command():
     assert {"zero", "stand", "wave"} <= {*G1.pose_names}
-    stand = G1.pose("stand")
+    stand = G1.named_configuration("stand")
     assert stand[G1.joint_row(KNEE)] == 0.6
     assert (stand >= G1.lower).all()
     assert (stand <= G1.upper).all()
-    assert "wave" in refused(G1.pose, "wav")
+    assert "wave" in refused(G1.named_configuration, "wav")
     assert G1.profile.standing_pose == "stand"
 
 
@@ -153,7 +153,7 @@ def test_a_robot_has_only_the_poses_that_it_can_take():
     robot = Robot(DATA / "prismatic.urdf")
     assert robot.pose_names == ("zero",)
     with pytest.raises(UnknownNameError):
-        robot.pose("wave")
+        robot.named_configuration("wave")
 
 
 def test_random_configurations_fill_the_limits():
@@ -319,7 +319,7 @@ def wave():
 
 
 def test_a_motion_is_made_of_the_arrays_that_it_has_by_their_names():
-    arrays = ("times", "positions", "velocities", "base_poses")
+    arrays = ("times", "positions", "velocities", "base")
     given = {name: getattr(wave(), name) for name in arrays}
     made = G1.trajectory(**given)
     for name, array in given.items():
@@ -370,12 +370,12 @@ def test_public_names_are_listed_and_others_refused():
 
 def test_a_motion_comes_from_a_pose_by_name_or_positions():
     robot = Robot()
-    squat = robot.pose("squat")
+    squat = robot.named_configuration("squat")
     motion = robot.trajectory([0.0, 0.5, 1.0], np.tile(squat, (3, 1)))
     by_name = robot.padded(motion, "stand", {"left_elbow_joint": 1.0})
-    by_array = robot.padded(motion, robot.pose("stand"))
+    by_array = robot.padded(motion, robot.named_configuration("stand"))
     np.testing.assert_array_equal(by_name.positions[:5], by_array.positions)
-    np.testing.assert_allclose(by_name.positions[0], robot.pose("stand"))
+    np.testing.assert_allclose(by_name.positions[0], robot.named_configuration("stand"))
     assert by_name.positions[-1].tolist() == pytest.approx(
         robot.positions({"left_elbow_joint": 1.0}).tolist()
     )
@@ -385,15 +385,50 @@ def test_a_motion_comes_from_a_pose_by_name_or_positions():
         robot.padded(motion, "stnd")
 
 
-def test_former_names_of_a_motion_work_with_a_warning():
-    robot, poses = Robot(), np.tile([0.0, 0.0, 0.8, 0.0, 0.0, 0.0, 1.0], (2, 1))
-    rows = np.zeros((2, len(robot.joint_names)))
-    motion = robot.trajectory([0.0, 1.0], rows, base=poses)
-    with pytest.warns(DeprecationWarning, match="use base=") as caught:
-        former = robot.trajectory([0.0, 1.0], rows, base_poses=poses)
-    np.testing.assert_array_equal(former.base, poses)
+STILL = G1.trajectory([0.0, 1.0], np.zeros((2, 29)), base=np.tile(HERE, (2, 1)))
+TARGET = {"left_hand": [0.4, 0.25, 0.9]}
+
+
+@pytest.mark.parametrize(
+    ("former", "use", "get"),
+    [
+        ("Robot.pose", "named_configuration", lambda: G1.pose("stand")),
+        ("Robot.collisions", "self_collisions", lambda: G1.collisions(G1.neutral).pair),
+        (
+            "Contacts.frame",
+            "sample",
+            lambda: G1.self_collisions(G1.neutral, margin=0.1).frame,
+        ),
+        (
+            "Robot(collisions=...)",
+            "allowed_collisions=...",
+            lambda: Robot(collisions="pairs.yaml").mass,
+        ),
+        (
+            "Robot.ik(hold=...)",
+            "fixed_links=...",
+            lambda: G1.ik(TARGET, base=HERE, hold=()).positions,
+        ),
+        (
+            "Robot.ik(collisions=...)",
+            "avoid_collisions=...",
+            lambda: G1.ik(TARGET, base=HERE, collisions=True).positions,
+        ),
+        (
+            "Robot.positions_of(trajectory=...)",
+            "motion=...",
+            lambda: G1.positions_of(trajectory=STILL),
+        ),
+        (
+            "Robot.trajectory(base_poses=...)",
+            "base=...",
+            lambda: G1.trajectory([0.0], G1.neutral[None], base_poses=[HERE]).base,
+        ),
+        ("Motion.trajectory", "the motion itself", lambda: STILL.trajectory.times),
+    ],
+)
+def test_former_names_work_with_a_warning(former, use, get):
+    with pytest.warns(DeprecationWarning) as caught:
+        assert get() is not None
+    assert str(caught[0].message) == f"{former} is deprecated; use {use}"
     assert caught[0].filename == __file__
-    with pytest.warns(DeprecationWarning, match="use the motion itself") as caught:
-        assert motion.trajectory is motion
-    assert caught[0].filename == __file__
-    assert robot.trajectory([0.0, 1.0], rows).base is None

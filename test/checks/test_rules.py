@@ -80,7 +80,7 @@ def test_what_rules_measure_is_joined_over_all_samples():
     measured = measure(robot, motion, (), own)
     assert len(measured.times) > CHUNK
     assert measured.own["height"].shape == measured.times.shape
-    frames = measured.own["near"].frame
+    frames = measured.own["near"].sample
     assert (np.diff(frames) > 0).all() and frames[-1] > CHUNK
     for pair, distances, points in per_pair(measured, measured.own["near"]):
         assert pair == robot.collisions.pairs[0]

@@ -74,7 +74,7 @@ def test_the_program_of_the_page_raises_the_arm_that_it_plans_for(srdf):
     assert srdf.find(f"group_state[@name='{pose}'][@group='{group}']") is not None
     hand = srdf.find(f"end_effector[@parent_group='{group}']").get("parent_link")
     robot = Robot()
-    places = robot.link_poses(robot.pose(pose))
+    places = robot.link_poses(robot.named_configuration(pose))
     assert places[hand][2] > places["head_link"][2]
 
 
@@ -112,7 +112,9 @@ def test_pinocchio_reads_it_and_checks_the_same_pairs(folder):
     for name in robot.pose_names:
         found = model.referenceConfigurations[name]
         rows = [model.joints[model.getJointId(n)].idx_q for n in robot.joint_names]
-        np.testing.assert_allclose(found[rows], robot.pose(name), atol=1e-9)
+        np.testing.assert_allclose(
+            found[rows], robot.named_configuration(name), atol=1e-9
+        )
 
 
 def test_settings_are_those_of_the_robot(folder):

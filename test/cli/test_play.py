@@ -285,24 +285,24 @@ def test_a_wrong_command_line_ends_with_a_sentence(words, told, capsys):
 
 
 @pytest.mark.parametrize(
-    ("time", "frame", "speed", "running", "told"),
+    ("time", "sample", "speed", "running", "shown"),
     [
         (1.0, 1, 1.0, True, "[{0}]   1.00 of 3.00 s  sample 1 of 9"),
         (2.0, 5, 2.5, True, "[{1}]   2.00 of 3.00 s  sample 5 of 9  x 2.5"),
         (3.0, 9, 1.0, False, "[{2}]   3.00 of 3.00 s  sample 9 of 9  paused"),
     ],
 )
-def test_a_bar_tells_how_far_it_is(time, frame, speed, running, told):
+def test_a_bar_tells_how_far_it_is(time, sample, speed, running, shown):
     session = SimpleNamespace(
         begin=1.0,
         end=3.0,
         time=time,
-        frame=frame,
+        sample=sample,
         motion=SimpleNamespace(times=range(9)),
         is_running=running,
     )
     bars = ["." * play.BAR, "#" * (play.BAR // 2) + "." * (play.BAR // 2)]
-    assert play.progress(session, speed) == told.format(*bars, "#" * play.BAR)
+    assert play.progress(session, speed) == shown.format(*bars, "#" * play.BAR)
     session.begin = 3.0  # a single sample
     assert play.progress(session, 1.0).startswith(f"[{'#' * play.BAR}]")
 

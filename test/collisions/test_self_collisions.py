@@ -56,7 +56,7 @@ def at(*rows):
 
 def only(contacts):
     """Give the one contact: distance, points of both and normal."""
-    assert len(contacts.frame) == 1
+    assert len(contacts.sample) == 1
     parts = (contacts.distance, contacts.points_a, contacts.points_b, contacts.normal)
     return [part[0] for part in parts]
 
@@ -80,7 +80,7 @@ def test_spheres(gap):
     assert normal == pytest.approx(way, abs=1e-6)
     assert point_a == pytest.approx(center + 0.2 * way, abs=SMALL)
     assert point_b == pytest.approx(center + (0.2 + gap) * way, abs=SMALL)
-    assert len(spheres.contacts(poses, min(gap, 0.0) - 1e-3).frame) == 0
+    assert len(spheres.contacts(poses, min(gap, 0.0) - 1e-3).sample) == 0
 
 
 @pytest.mark.parametrize("gap", [-0.06, -0.01, 0.01])
@@ -142,7 +142,7 @@ def test_of_several_shapes_the_deepest_counts():
 def test_fixed_links_and_allowed_pairs_are_not_checked():
     fixed = robot(sphere(0.1), sphere(0.1), joint="fixed")
     assert SelfCollisions(fixed, ()).pairs == ()
-    assert len(SelfCollisions(fixed, ()).contacts(at([0, 0, 0], [0, 0, 0])).frame) == 0
+    assert len(SelfCollisions(fixed, ()).contacts(at([0, 0, 0], [0, 0, 0])).sample) == 0
     loose = robot(*[sphere(0.1)] * 3)
     allowed = [AllowedPair("l2", "l0", USER)]
     assert SelfCollisions(loose, allowed).pairs == (("l0", "l1"), ("l1", "l2"))
@@ -204,15 +204,15 @@ def test_the_order_of_frames_does_not_matter(g1_robot):
     shuffled = collisions.contacts(poses[order], 0.01)
     where = np.argsort(order)
     rows = np.concatenate(
-        [np.flatnonzero(shuffled.frame == where[i]) for i in range(len(poses))]
+        [np.flatnonzero(shuffled.sample == where[i]) for i in range(len(poses))]
     )
     again = shuffled[rows]
-    again.frame[:] = order[again.frame]
+    again.sample[:] = order[again.sample]
     assert same(together, again)
     for frame in (0, 57, 99):
         alone = collisions.contacts(poses[frame : frame + 1], 0.01)
-        alone.frame[:] = frame
-        assert same(together[together.frame == frame], alone)
+        alone.sample[:] = frame
+        assert same(together[together.sample == frame], alone)
 
 
 def test_where_the_robot_stands_does_not_matter(g1_robot):
@@ -225,8 +225,8 @@ def test_where_the_robot_stands_does_not_matter(g1_robot):
     moved[..., 3:] = rotations.as_quat().reshape(50, -1, 4)
     first, second = collisions.contacts(poses), collisions.contacts(moved)
     sure = first.distance < -1e-4
-    keys = set(zip(second.frame, second.pair))
-    assert {*zip(first.frame[sure], first.pair[sure])} <= keys
+    keys = set(zip(second.sample, second.pair))
+    assert {*zip(first.sample[sure], first.pair[sure])} <= keys
     assert turned.apply(first.points_a[:1]) + 9 == pytest.approx(
         second.points_a[:1], abs=1e-3
     )
@@ -316,7 +316,7 @@ def test_another_engine_agrees(g1_robot, g1_file):
     ours = {
         (frame, collisions.pairs[pair]): distance
         for frame, pair, distance in zip(
-            found.frame.tolist(), found.pair.tolist(), found.distance.tolist()
+            found.sample.tolist(), found.pair.tolist(), found.distance.tolist()
         )
     }
     deep = {key for key, distance in expected.items() if distance < -TOUCHING}

@@ -60,7 +60,7 @@ def is_within_limits(robot, positions):
 def reachable(robot, seed):
     """Draw poses of both hands that the robot reaches on its feet from ``stand``."""
     random = np.random.default_rng(seed)
-    start = robot.pose("stand")
+    start = robot.named_configuration("stand")
     feet = {link: robot.link_poses(start, BASE)[link] for link in FEET}
     while True:
         posture = robot.random_configuration(random)
@@ -68,7 +68,7 @@ def reachable(robot, seed):
         base = BASE.copy()
         base[:3] += random.uniform([-0.1, -0.1, -0.3], [0.1, 0.1, 0.0])
         base[3:] = Rotation.from_rotvec(random.uniform(-0.3, 0.3, 3)).as_quat()
-        found = robot.ik({"pelvis": base}, posture, BASE, hold=FEET)
+        found = robot.ik({"pelvis": base}, posture, BASE, fixed_links=FEET)
         if (errors(robot, found, feet) < 1e-4).all():
             poses = robot.link_poses(found.positions, found.base)
             return {hand: poses[hand] for hand in HANDS}
@@ -76,7 +76,7 @@ def reachable(robot, seed):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_hands_reach_what_can_be_reached_while_the_feet_stay(g1, seed):
-    start, targets = g1.pose("stand"), reachable(g1, seed)
+    start, targets = g1.named_configuration("stand"), reachable(g1, seed)
     feet = {link: g1.link_poses(start, BASE)[link] for link in FEET}
     result = g1.ik(targets, start, BASE)
     assert result.reached
@@ -91,8 +91,10 @@ def test_hands_reach_what_can_be_reached_while_the_feet_stay(g1, seed):
 
 @pytest.mark.parametrize("target", [[0.45, 0.25, 0.4], [3.0, 0.0, 0.0]])
 def test_a_balanced_robot_stands_and_does_not_touch_itself(g1, target):
-    start = g1.pose("stand")
-    result = g1.ik({"left_hand": target}, start, BASE, balance=True, collisions=True)
+    start = g1.named_configuration("stand")
+    result = g1.ik(
+        {"left_hand": target}, start, BASE, balance=True, avoid_collisions=True
+    )
     assert result.reached == (target[0] < 1.0)
     only = ("position", "center_of_mass", "self_collision")
     verdict = g1.check_state(result.positions, result.base, only)
@@ -102,7 +104,7 @@ def test_a_balanced_robot_stands_and_does_not_touch_itself(g1, target):
 
 def test_balance_makes_a_difference(g1):
     target = {"left_hand": [0.75, 0.2, 0.8]}
-    start, only = g1.pose("stand"), ("center_of_mass",)
+    start, only = g1.named_configuration("stand"), ("center_of_mass",)
     free = g1.ik(target, start, BASE)
     kept = g1.ik(target, start, BASE, balance=True)
     assert free.reached
@@ -112,15 +114,15 @@ def test_balance_makes_a_difference(g1):
 
 def test_collisions_make_a_difference(g1):
     target = {"left_hand": [0.0, 0.0, 0.8]}
-    start = g1.pose("stand")
+    start = g1.named_configuration("stand")
     through = g1.ik(target, start, BASE)
-    around = g1.ik(target, start, BASE, collisions=True)
-    assert len(g1.collisions(through.positions, through.base).pair)
-    assert not len(g1.collisions(around.positions, around.base).pair)
+    around = g1.ik(target, start, BASE, avoid_collisions=True)
+    assert len(g1.self_collisions(through.positions, through.base).pair)
+    assert not len(g1.self_collisions(around.positions, around.base).pair)
 
 
 def test_what_cannot_be_reached_leaves_the_feet_and_is_told(g1):
-    start = g1.pose("stand")
+    start = g1.named_configuration("stand")
     feet = {link: g1.link_poses(start, BASE)[link] for link in FEET}
     result = g1.ik({"left_hand": [2.0, 0.3, 0.9]}, start, BASE)
     assert not result.reached
@@ -142,7 +144,7 @@ def test_straight_knees_bend(g1):
 
 
 def test_a_robot_that_is_where_it_should_be_stays(g1):
-    start = g1.pose("stand")
+    start = g1.named_configuration("stand")
     hand = g1.link_poses(start, BASE)["left_rubber_hand"]
     result = g1.ik({"left_hand": hand}, start, BASE)
     assert result.steps == 0
@@ -228,8 +230,10 @@ def test_contradictory_targets_are_weighted(weights, wanted):
 
 @pytest.mark.parametrize("motion", ["fixed", "planar"])
 def test_the_base_moves_as_far_as_it_may(g1, motion):
-    start, target = g1.pose("stand"), [1.2, 0.5, 1.0]
-    result = g1.ik({"left_hand": target}, start, BASE, hold=(), base_motion=motion)
+    start, target = g1.named_configuration("stand"), [1.2, 0.5, 1.0]
+    result = g1.ik(
+        {"left_hand": target}, start, BASE, fixed_links=(), base_motion=motion
+    )
     assert result.reached == (motion == "planar")
     if motion == "fixed":
         np.testing.assert_allclose(result.base, BASE, rtol=0, atol=1e-15)
@@ -247,7 +251,7 @@ def test_a_base_on_the_world_never_moves():
 
 
 def test_a_foot_with_a_target_is_not_held(g1):
-    start = g1.pose("stand")
+    start = g1.named_configuration("stand")
     foot = g1.link_poses(start, BASE)["left_ankle_roll_link"].copy()
     foot[:3] += [0.1, 0.05, 0.1]
     result = g1.ik({"left_foot": foot}, start, BASE)
@@ -258,7 +262,7 @@ def test_a_foot_with_a_target_is_not_held(g1):
 
 def test_no_link_gets_below_the_floor(g1):
     floor = -0.2
-    start, base = g1.pose("stand"), BASE.copy()
+    start, base = g1.named_configuration("stand"), BASE.copy()
     base[2] += floor
     low = {"left_hand": [0.3, 0.35, floor + 0.01]}
     through = g1.ik(low, start, base, balance=True)
@@ -278,13 +282,13 @@ def test_no_link_gets_below_the_floor(g1):
 
 
 def test_a_hand_rests_on_the_floor_where_there_is_room(g1):
-    start = g1.pose("stand")
+    start = g1.named_configuration("stand")
     result = g1.ik({"left_hand": [0.3, 0.35, 0.12]}, start, BASE, floor=0.0)
     assert result.reached
 
 
 def test_a_fingertip_is_brought_to_its_target(g1):
-    start, tip = g1.pose("stand"), np.array([0.11, 0.02, -0.03])
+    start, tip = g1.named_configuration("stand"), np.array([0.11, 0.02, -0.03])
     target = np.array([0.3, 0.3, 0.9, 0.0, 0.0, 0.0, 1.0])
     result = g1.ik({"left_hand": target}, start, BASE, points={"left_hand": tip})
     assert result.reached
@@ -296,7 +300,7 @@ def test_a_fingertip_is_brought_to_its_target(g1):
 
 def test_feet_stand_where_their_points_are_put(g1):
     """The same configuration, whether origins of feet are targets or their heels."""
-    start, heel = g1.pose("stand"), np.array([-0.05, 0.0, -0.03])
+    start, heel = g1.named_configuration("stand"), np.array([-0.05, 0.0, -0.03])
     feet = {foot: g1.link_poses(start, BASE)[foot] for foot in FEET}
     goals = {
         foot: np.concatenate([p[:3] + Rotation.from_quat(p[3:]).apply(heel), p[3:]])
@@ -343,7 +347,7 @@ def test_any_robot_reaches_where_one_of_its_configurations_is(chain, seed):
 
 
 def test_a_path_is_continuous_and_keeps_to_the_speeds(g1):
-    start, times = g1.pose("stand"), np.linspace(0.0, 2.0, 41)
+    start, times = g1.named_configuration("stand"), np.linspace(0.0, 2.0, 41)
     turn = np.pi * times
     circle = np.stack(
         [0.3 + 0.1 * np.cos(turn), 0.25 + 0.1 * np.sin(turn), 1.0 + 0.0 * turn], axis=1
@@ -386,8 +390,8 @@ def test_a_path_that_is_too_fast_lags_and_catches_up():
             {"targets": {"left_hand": [300, 0, 1]}},
             "300 m from the robot: targets are in",
         ),
-        ({"hold": ["foot"]}, "Unknown link 'foot'"),
-        ({"hold": [], "balance": True}, "Balance needs links that stand on the floor"),
+        ({"fixed_links": ["foot"]}, "Unknown link 'foot'"),
+        ({"fixed_links": [], "balance": True}, "Balance needs links that stand on the floor"),
         ({"targets": [0.4, 0.2, 0.4]}, "targets must be a dictionary by link"),
         ({"floor": "low"}, "floor must be the height of the floor in m"),
         (
@@ -400,13 +404,13 @@ def test_a_path_that_is_too_fast_lags_and_catches_up():
             "left_hand and left_rubber_hand are the same link",
         ),
         (
-            {"targets": {"left_hand": [0, 0, 1]}, "hold": ["left_rubber_hand"]},
+            {"targets": {"left_hand": [0, 0, 1]}, "fixed_links": ["left_rubber_hand"]},
             "left_rubber_hand is held, so it cannot have a target",
         ),
         ({"base_motion": "sideways"}, "must be one of free, planar, fixed .*sideways"),
         ({"start": np.zeros((2, 29))}, "start must be a single configuration"),
         ({"balance": 0.04}, r"balance must be True or False \(got 0.04\)"),
-        ({"collisions": "no"}, r"collisions must be True or False \(got no\)"),
+        ({"avoid_collisions": "no"}, r"avoid_collisions must be True or False \(got no\)"),
         ({"floor": 700.0}, "floor is 699 m above the robot: it is in m, at most 100 m"),
         (
             {"targets": {"head": [0, 0, 1]}, "points": {"head": [50, 0, 0]}},
@@ -421,7 +425,7 @@ def test_a_wrong_request_is_refused_in_a_sentence(g1, given, problem):
 
 
 def test_balance_is_also_that_of_feet_with_targets(g1):
-    start = g1.pose("stand")
+    start = g1.named_configuration("stand")
     poses = g1.link_poses(start, BASE)
     feet = {"left_foot": poses[FEET[0]].copy(), "right_foot": poses[FEET[1]].copy()}
     feet["left_foot"][1] -= 0.04
@@ -435,12 +439,12 @@ def test_balance_is_also_that_of_feet_with_targets(g1):
 
 def test_a_path_reaches_in_each_sample_what_can_be_reached(g1):
     """Where tasks leave a choice, steps must not overshoot from sample to sample."""
-    start, times = g1.pose("stand"), np.linspace(0.0, 4.0, 101)
+    start, times = g1.named_configuration("stand"), np.linspace(0.0, 4.0, 101)
     hand = g1.link_poses(start, BASE)["left_rubber_hand"][:3]
     share = 0.5 - 0.5 * np.cos(np.pi * times / 4.0)
     goal = np.array([0.2, 0.3, 0.2])
     targets = {"left_hand": hand + share[:, np.newaxis] * (goal - hand)}
-    options = {"balance": True, "collisions": True}
+    options = {"balance": True, "avoid_collisions": True}
     path = g1.ik_path(times, targets, start, BASE, **options)
     assert path.message == ""
     speeds = np.diff(path.motion.positions, axis=0) / 0.04
@@ -451,7 +455,7 @@ def test_a_path_reaches_in_each_sample_what_can_be_reached(g1):
 def test_a_path_at_the_limits_of_speed_passes_the_check(g1):
     times = np.linspace(0.0, 0.05, 11)
     targets = {"left_hand": np.linspace([0.1, 0.2, 0.7], [0.2, 0.3, 1.5], 11)}
-    path = g1.ik_path(times, targets, g1.pose("stand"), BASE)
+    path = g1.ik_path(times, targets, g1.named_configuration("stand"), BASE)
     assert not path.reached
     assert path.message.startswith("Not all is reached in ")
     assert g1.check(path.motion, only=("velocity",)).findings == ()

@@ -26,7 +26,7 @@ def g1():
 @pytest.fixture(scope="module")
 def pick_up(g1):
     """Stand, reach to the floor, lift, and step with the right foot."""
-    stand = g1.pose("stand")
+    stand = g1.named_configuration("stand")
     down = g1.ik({"left_hand": [0.25, 0.3, 0.15]}, stand, BASE, balance=True)
     up = g1.ik({"left_hand": [0.3, 0.2, 0.9]}, stand, BASE, balance=True)
     foot = g1.link_poses(up.positions, up.base)[FEET[1]].copy()
@@ -87,7 +87,7 @@ def test_keyframes_are_passed_and_standing_feet_stay(g1, pick_up, way):
 
 @pytest.mark.parametrize("way", [STOP, PASS])
 def test_a_motion_rests_at_its_ends_and_at_keyframes_where_it_stops(g1, way):
-    stand, squat = g1.pose("stand"), g1.pose("squat")
+    stand, squat = g1.named_configuration("stand"), g1.named_configuration("squat")
     half = stand + 0.5 * (squat - stand)
     times, rows = (0.0, 1.0, 2.0), (stand, half, squat)
     frames = [Keyframe(t, q, BASE) for t, q in zip(times, rows)]
@@ -128,13 +128,13 @@ def test_the_checks_find_nothing_invalid_in_it(g1, pick_up):
     [((0.0,), "at least two keyframes"), ((0.0, 0.0), "times of keyframes must incr")],
 )
 def test_what_is_no_motion_is_refused(g1, times, problem):
-    frames = [Keyframe(t, g1.pose("stand"), BASE) for t in times]
+    frames = [Keyframe(t, g1.named_configuration("stand"), BASE) for t in times]
     with pytest.raises(InvalidValueError, match=problem):
         through(g1, frames)
 
 
 def test_keyframes_beyond_limits_and_joints_without_speeds_make_no_endless_motion(g1):
-    stand = g1.pose("stand")
+    stand = g1.named_configuration("stand")
     beyond = stand.copy()
     beyond[3] = g1.upper[3] + 0.5
     frames = [Keyframe(0.0, stand, BASE), Keyframe(1.0, beyond, BASE)]

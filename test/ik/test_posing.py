@@ -19,7 +19,7 @@ def g1():
 @pytest.fixture
 def posing(g1):
     """Give the posing of a robot that is at once where it is commanded."""
-    state = [RobotState(0, g1.joint_names, g1.pose("stand"), None, BASE)]
+    state = [RobotState(0, g1.joint_names, g1.named_configuration("stand"), None, BASE)]
 
     def command(positions, base):
         values = np.array([*positions.values()])
@@ -41,7 +41,7 @@ def lowered(posing, steps=10):
 
 def test_steps_are_undone_before_the_state_has_followed(g1):
     sent = []
-    state = RobotState(0, g1.joint_names, g1.pose("stand"), None, BASE)
+    state = RobotState(0, g1.joint_names, g1.named_configuration("stand"), None, BASE)
     one = Posing(
         g1.description, lambda: state, lambda q, base: sent.append(q["waist_yaw_joint"])
     )
@@ -57,7 +57,7 @@ def test_steps_are_undone_before_the_state_has_followed(g1):
 def test_a_robot_that_hangs_below_the_map_is_dragged(g1):
     """As with odometry that starts at the pelvis."""
     base = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
-    state = [RobotState(0, g1.joint_names, g1.pose("stand"), None, base)]
+    state = [RobotState(0, g1.joint_names, g1.named_configuration("stand"), None, base)]
     one = Posing(g1.description, lambda: state[0], lambda *_: None)
     hand = one.link_poses(state[0])["left_rubber_hand"].copy()
     hand[:3] += [0.03, 0.0, 0.03]

@@ -230,7 +230,7 @@ def test_a_cause_has_its_plot_and_its_marks():
 def test_a_page_of_the_g1_can_be_sent(tmp_path):
     robot = Robot()
     times = np.arange(501) / 50.0
-    rows = np.tile(robot.pose("stand"), (501, 1))
+    rows = np.tile(robot.named_configuration("stand"), (501, 1))
     base = np.tile([0, 0, 0.8, 0, 0, 0, 1.0], (501, 1))
     moved = robot.trajectory(times, rows, base=base)
     robot.write_page(tmp_path / "page.html", moved)

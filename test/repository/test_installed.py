@@ -113,7 +113,7 @@ def test_the_robot_is_there_with_its_meshes_and_poses(python):
         "links = robot.description.links\n"
         "shapes = [s for link in links for s in (*link.visuals, *link.collisions)]\n"
         "meshes, problems = find_meshes(shapes)\n"
-        "poses = robot.forward_kinematics(robot.pose('wave'))\n"
+        "poses = robot.forward_kinematics(robot.named_configuration('wave'))\n"
         "print(find_folder('g1_description'), bool(meshes), problems, poses.shape)\n"
         "print(*map(find_spec, ('rospkg', 'catkin_pkg', 'rospy')))"
     )

@@ -218,14 +218,14 @@ def test_poses_of_the_users_other_robots_hide_none_of_this_one(home):
     (home.parent / "poses.yaml").write_text(text)
     five = Robot(FIVE)
     assert five.pose_names == ("zero", "stand", "low")
-    assert five.pose("stand").tolist() == [0.5, 0.0, 0.0, 0.0]
+    assert five.named_configuration("stand").tolist() == [0.5, 0.0, 0.0, 0.0]
     robot = Robot()
     assert robot.pose_names == Robot("g1_29dof").pose_names
     assert "low" not in robot.pose_names
-    assert robot.pose("stand")[robot.joint_row("left_knee_joint")] == 0.6
-    assert robot.pose("wave")[robot.joint_row("left_elbow_joint")] == 0.5
+    assert robot.named_configuration("stand")[robot.joint_row("left_knee_joint")] == 0.6
+    assert robot.named_configuration("wave")[robot.joint_row("left_elbow_joint")] == 0.5
     with pytest.raises(UnknownNameError, match="no movable joint 'l_hip'"):
-        robot.pose("low")
+        robot.named_configuration("low")
 
 
 def test_the_profiles_of_the_page_are_profiles(add):
@@ -236,7 +236,7 @@ def test_the_profiles_of_the_page_are_profiles(add):
     folder = add("strider", files.pop("robot"), **files)
     (folder / "strider.urdf").write_text(FIVE.read_text())
     strider = Robot("strider")
-    assert strider.pose(strider.profile.standing_pose)[0] == -0.4
+    assert strider.named_configuration(strider.profile.standing_pose)[0] == -0.4
     assert strider.pose_names == ("zero", "stand")
     assert set(strider.profile.links) == {"left_foot", "right_foot"}
     assert motors_of(strider.description).of("l_ankle") == ServoMotor(effort=20.0)

@@ -90,7 +90,7 @@ class TestPhysics(unittest.TestCase):
     def test_a_state_is_what_link_states_shows(self):
         shown = Connected("/gazebo/link_states", LinkStates, queue_size=None)
         self.addCleanup(shown.close)
-        self.client.set(ROBOT.pose("wave"), HERE)
+        self.client.set(ROBOT.named_configuration("wave"), HERE)
         for number in range(3):
             shown.clear()
             state = self.client.step(10 + number, {KNEE: 0.3 * number})
@@ -213,7 +213,7 @@ class TestKinematic(unittest.TestCase):
         times = np.linspace(0.0, 0.05, 51)
         way = ROBOT.trajectory(
             times,
-            np.linspace(ROBOT.neutral, ROBOT.pose("squat"), 51),
+            np.linspace(ROBOT.neutral, ROBOT.named_configuration("squat"), 51),
             base_poses=np.linspace(
                 [0, 0, 0.9, 0, 0, 0, 1], [0.1, 0, 0.7, 0, 0, 0, 1], 51
             ),

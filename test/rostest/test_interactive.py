@@ -339,7 +339,7 @@ def test_links_keep_away_from_each_other_where_that_is_chosen(rviz, world):
     rviz.drag("left_hand", [0.1, -0.21, 0.1])  # where both hands collide
     wait_for(lambda: world.place(HAND)[1] < hand[1] - 0.1, "the hand")
     world.wait_for_markers(rviz)
-    assert len(G1.collisions(world.positions()).pair) == 0
+    assert len(G1.self_collisions(world.positions()).pair) == 0
     rviz.switch("head", "Avoid collisions")
     log.close()
 

@@ -20,7 +20,9 @@ def robot():
 
 def walk(robot, velocities=False):
     """Make a motion that begins bent, turned, and in the air."""
-    bend = np.linspace(robot.pose("squat"), robot.pose("wave"), 31)
+    bend = np.linspace(
+        robot.named_configuration("squat"), robot.named_configuration("wave"), 31
+    )
     turn = Rotation.from_euler("xyz", [[0.1, 0.2, 1.0]] * 31).as_quat()
     base = np.hstack([np.tile([1.0, 2.0, 0.9], (31, 1)), turn])
     rates = np.ones_like(bend) if velocities else None
@@ -28,7 +30,7 @@ def walk(robot, velocities=False):
 
 
 def of(robot, name):
-    return dict(zip(robot.joint_names, robot.pose(name)))
+    return dict(zip(robot.joint_names, robot.named_configuration(name)))
 
 
 @pytest.mark.parametrize("velocities", [False, True])
@@ -41,7 +43,9 @@ def test_the_robot_comes_from_a_pose_and_goes_to_one(robot, velocities):
     np.testing.assert_array_equal(found.positions[30:61], motion.positions)
     np.testing.assert_array_equal(found.base_poses[30:61], motion.base_poses)
     for row in (0, -1):
-        np.testing.assert_allclose(found.positions[row], robot.pose("stand"))
+        np.testing.assert_allclose(
+            found.positions[row], robot.named_configuration("stand")
+        )
         upright = Rotation.from_quat(found.base_poses[row, 3:]).apply([0, 0, 1])
         np.testing.assert_allclose(upright, [0, 0, 1], atol=1e-12)
     links = robot.link_poses(found.positions, found.base_poses)
@@ -85,7 +89,7 @@ def test_only_what_is_asked_for_is_added(robot):
 
 def test_a_pose_is_as_far_from_its_ways_as_their_samples(robot):
     zero = of(robot, "zero")
-    pose = robot.trajectory(np.zeros(1), robot.pose("squat")[np.newaxis])
+    pose = robot.trajectory(np.zeros(1), robot.named_configuration("squat")[np.newaxis])
     found = padded(robot.description, pose, zero, zero)
     np.testing.assert_allclose(np.diff(found.times), 1 / 30.0)
 

@@ -25,7 +25,8 @@ def ik(bench):
     150 steps of daqp from the same start.
     """
     robot = bench.robot
-    start, base = robot.pose("stand"), np.array([0.0, 0.0, 0.7634, 0, 0, 0, 1])
+    start = robot.named_configuration("stand")
+    base = np.array([0.0, 0.0, 0.7634, 0, 0, 0, 1])
     with bench.attempt("targets"):
         targets = _targets(robot, start, base, bench.length(2000, 60))
     for balance, collisions, count in (
@@ -100,7 +101,7 @@ def _steps(bench, targets, start, base, collisions):
         return now
 
     solver.step = timed
-    options = IkOptions(balance=True, collisions=collisions)
+    options = IkOptions(balance=True, avoid_collisions=collisions)
     pelvis = base - [0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 0.0]
     for target in targets:
         wanted = {**target, "head": [0.05, 0.0, 1.1], "pelvis": pelvis}

@@ -67,9 +67,9 @@ class IkService:
             hold = () if request.hold_nothing else request.hold or None
             motion = "fixed" if request.fixed_base else None
             options = IkOptions(
-                hold=hold,
+                fixed_links=hold,
                 balance=request.balance,
-                collisions=request.avoid_collisions,
+                avoid_collisions=request.avoid_collisions,
                 base_motion=motion,
             )
             with self._lock:

@@ -73,7 +73,7 @@ class GroundPiece:
 
 
 @dataclass(frozen=True, eq=False)
-class GroundFrames:
+class GroundSamples:
     """How a robot stands, at each sample of a motion.
 
     ``columns``, ``lowest``, ``slide`` and ``steps`` are those of a ``GroundPiece``;
@@ -145,8 +145,8 @@ class Ground:
             heights[changed, column] = lowest_points[is_lower, 2]
             lowest[changed, column] = lowest_points[is_lower]
             is_low = points[..., 2] <= limits.bearing_height
-            frame = at[np.nonzero(is_low)[0]]
-            owners.append(np.stack([frame, np.full_like(frame, column)]))
+            sample = at[np.nonzero(is_low)[0]]
+            owners.append(np.stack([sample, np.full_like(sample, column)]))
             low.append(points[is_low])
         owner, points = np.concatenate(owners, axis=1), np.concatenate(low)
         velocity = self._velocity(link_poses, link_twists, lowest, np.indices(shape))
@@ -209,12 +209,14 @@ class Ground:
             points: In the map, heights above the floor, shape (..., 3).
             at: Samples and columns of their links, shape (2, ...).
         """
-        frame, row = at[0], self.rows[at[1]]
-        origin, twist = poses[frame, row, :3], twists[frame, row]
+        sample, row = at[0], self.rows[at[1]]
+        origin, twist = poses[sample, row, :3], twists[sample, row]
         origin[..., 2] -= self._thresholds.floor_height
         return np.asarray(twist[..., :3] + cross(twist[..., 3:], points - origin))
 
-    def frames(self, pieces: Sequence[GroundPiece], times: np.ndarray) -> GroundFrames:
+    def samples(
+        self, pieces: Sequence[GroundPiece], times: np.ndarray
+    ) -> GroundSamples:
         """Find how the robot stands.
 
         Args:
@@ -237,7 +239,9 @@ class Ground:
         steps = np.where(np.isnan(steps), gaps * moves, steps)
         in_contact = self._contacts(heights, speed, times, self._is_end[columns])
         support = _support(low, points, in_contact)
-        return GroundFrames(columns, heights, lowest, slide, steps, in_contact, support)
+        return GroundSamples(
+            columns, heights, lowest, slide, steps, in_contact, support
+        )
 
     def _contacts(
         self,
@@ -276,7 +280,7 @@ class Ground:
         return in_contact
 
     def sliding(
-        self, frames: GroundFrames, times: np.ndarray, is_unknown: np.ndarray
+        self, samples: GroundSamples, times: np.ndarray, is_unknown: np.ndarray
     ) -> np.ndarray:
         """Compute the speeds of links that slide on the floor.
 
@@ -284,7 +288,7 @@ class Ground:
         a robot that is close to the floor for long, its lowest foot or hand does.
 
         Args:
-            frames: How the robot stands.
+            samples: How the robot stands.
             times: Times of the samples in [s], shape (n,).
             is_unknown: Where velocities are not usable, shape (n,).
 
@@ -292,15 +296,15 @@ class Ground:
             Means over ``SLIDE_WINDOW``, in [m/s]; NaN where a link does not touch the
             floor, shape (n, n_links).
         """
-        heights, limits = frames.heights, self._thresholds
-        touches = frames.in_contact & (heights <= limits.contact_height)
+        heights, limits = samples.heights, self._thresholds
+        touches = samples.in_contact & (heights <= limits.contact_height)
         lowest = heights <= heights.min(axis=1, keepdims=True)
-        lowest &= self._is_end[frames.columns]
+        lowest &= self._is_end[samples.columns]
         lowest &= heights <= limits.bearing_height
-        is_lonely = lowest.any(axis=1) & ~frames.in_contact.any(axis=1)
+        is_lonely = lowest.any(axis=1) & ~samples.in_contact.any(axis=1)
         is_lonely = without_short(times, is_lonely, SLIDE_WINDOW)
         touches |= lowest & is_lonely[:, np.newaxis]
-        return _mean_speeds(frames.slide, touches & ~is_unknown[:, np.newaxis], times)
+        return _mean_speeds(samples.slide, touches & ~is_unknown[:, np.newaxis], times)
 
 
 def _trim_steps(stood: np.ndarray, heights: np.ndarray, touches: np.ndarray) -> None:
@@ -431,9 +435,9 @@ def _support(
     low: np.ndarray, points: np.ndarray, in_contact: np.ndarray
 ) -> list[np.ndarray]:
     """Sort the low points, shape (k, 2), of links in contact by their samples."""
-    frame, column = low
-    is_kept = in_contact[frame, column]
-    frame, points = frame[is_kept], points[is_kept]
-    order = np.argsort(frame, kind="stable")
-    ends = np.searchsorted(frame[order], np.arange(1, len(in_contact)))
+    sample, column = low
+    is_kept = in_contact[sample, column]
+    sample, points = sample[is_kept], points[is_kept]
+    order = np.argsort(sample, kind="stable")
+    ends = np.searchsorted(sample[order], np.arange(1, len(in_contact)))
     return np.split(points[order], ends)

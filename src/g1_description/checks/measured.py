@@ -8,7 +8,7 @@ from typing import Any, Callable, TypeVar, Union
 
 import numpy as np
 
-from g1_description.checks.ground_contacts import Ground, GroundFrames, outlines_of
+from g1_description.checks.ground_contacts import Ground, GroundSamples, outlines_of
 from g1_description.checks.support import (
     Balance,
     long_still,
@@ -135,7 +135,7 @@ class Measured:
             self.velocities[piece] = found.velocities
         self.own: dict[str, Any] = {}
         """Results of the rules' own measurements, by name of the rule."""
-        self.ground: GroundFrames | None = None
+        self.ground: GroundSamples | None = None
         """Heights, contacts and support."""
         self.balance: Balance | None = None
         """None if the motion has no base or the robot no mass."""
@@ -165,7 +165,7 @@ class Measured:
 
     @property
     def contacts(self) -> Contacts | None:
-        """Self-collisions; ``frame`` is the row of the time."""
+        """Self-collisions; ``sample`` is the row of the time."""
         return self.own.get("self_collision")
 
     @property
@@ -206,7 +206,7 @@ class Measured:
         if self.contacts is None:
             return np.full(len(self.times), np.nan)
         depth = np.zeros(len(self.times))
-        np.maximum.at(depth, self.contacts.frame, -self.contacts.distance)
+        np.maximum.at(depth, self.contacts.sample, -self.contacts.distance)
         return depth
 
     def spread(self, values: np.ndarray, fill: float) -> np.ndarray:
@@ -311,7 +311,7 @@ def measure(
     found.efforts, found.power = joined("efforts"), joined("power")
     if "ground" in needs or "balance" in needs:
         grounds = [piece["ground"] for piece in pieces]
-        found.ground = robot.ground.frames(grounds, found.times)
+        found.ground = robot.ground.samples(grounds, found.times)
     center, zmp, is_still = joined("center"), joined("zmp"), joined("is_still")
     if not (found.ground is None or center is None or zmp is None or is_still is None):
         of_center, of_zmp = margins(found.ground.support, center[:, :2], zmp)
@@ -332,7 +332,7 @@ def _piece(
     }
     for values in found["own"].values():
         if isinstance(values, Contacts):
-            values.frame[:] += piece.start
+            values.sample[:] += piece.start
     if "ground" in needs or "balance" in needs:
         found["ground"] = robot.ground.piece(poses, moves)
     has_mass = robot.masses.total > 0.0

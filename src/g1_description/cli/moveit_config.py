@@ -171,7 +171,9 @@ def srdf(robot: Robot, groups: Sequence[Group]) -> bytes:
         add("end_effector", name=group.end, group=group.end, **ends)
     parts = {WHOLE: robot.joint_names, **{g.name: g.joints for g in groups}}
     for pose in robot.pose_names:
-        positions = dict(zip(robot.joint_names, robot.pose(pose).tolist()))
+        positions = dict(
+            zip(robot.joint_names, robot.named_configuration(pose).tolist())
+        )
         for name, joints in parts.items():
             values = [{"name": n, "value": f"{positions[n]:.10g}"} for n in joints]
             add("group_state", [("joint", v) for v in values], name=pose, group=name)

@@ -283,10 +283,10 @@ def progress(session: Session, speed: float) -> str:
     share = (time - begin) / (end - begin) if end > begin else 1.0
     done = round(share * BAR)
     bar = "#" * done + "." * (BAR - done)
-    frames = f"sample {session.frame} of {len(session.motion.times)}"
+    samples = f"sample {session.sample} of {len(session.motion.times)}"
     state = "" if session.is_running else "  paused"
     rate = "" if speed == 1.0 else f"  x {speed:g}"
-    return f"[{bar}] {time:6.2f} of {end:.2f} s  {frames}{rate}{state}"
+    return f"[{bar}] {time:6.2f} of {end:.2f} s  {samples}{rate}{state}"
 
 
 def follow(session: Session, keyboard: Keyboard, args: PlayOptions) -> None:

@@ -29,6 +29,7 @@ from g1_description.collisions.convex_shapes import (
 )
 from g1_description.collisions.separating_planes import Bounds, Separation
 from g1_description.errors import InvalidValueError
+from g1_description.former import former
 from g1_description.robot.assembly import rigid_frames
 from g1_description.robot.description import Description
 from g1_description.robot.rotation import from_z
@@ -53,9 +54,9 @@ _Gaps = Tuple[np.ndarray, np.ndarray, np.ndarray]
 
 @dataclass(frozen=True)
 class Contacts:
-    """Pairs of links nearer than a margin, sorted by frame and pair."""
+    """Pairs of links nearer than a margin, sorted by sample and pair."""
 
-    frame: np.ndarray
+    sample: np.ndarray
     """Index of the configuration, shape (n,)."""
 
     pair: np.ndarray
@@ -72,6 +73,8 @@ class Contacts:
     normal: np.ndarray
     """Directions from the first link of the pair to the second, in the world, shape
     (n, 3)."""
+
+    frame = former("Contacts.frame", "sample")
 
     def __getitem__(self, rows: np.ndarray) -> Contacts:
         return Contacts(*(getattr(self, part.name)[rows] for part in fields(self)))
@@ -270,30 +273,30 @@ class SelfCollisions:
     def _chunk(
         self, link_poses: np.ndarray, rows: np.ndarray, margin: float, first: int
     ) -> Contacts:
-        """Find the contacts of some frames.
+        """Find the contacts of some configurations.
 
         Args:
             link_poses: Poses of the links in the world, shape (n, n_links, 7).
             rows: As ``_shape_pairs`` returns them.
             margin: In [m].
-            first: Index of the first frame.
+            first: Index of the first configuration.
         """
-        frame, pair, placed = self._candidates(link_poses, rows, margin + SLACK)
+        sample, pair, placed = self._candidates(link_poses, rows, margin + SLACK)
         width, direction, point_a = self._measure(placed, margin)
         near = np.flatnonzero(width < margin)
-        frame, pair, distance = frame[near], pair[near], width[near]
-        pose = link_poses[frame, self._link[placed.a[near]]]
+        sample, pair, distance = sample[near], pair[near], width[near]
+        pose = link_poses[sample, self._link[placed.a[near]]]
         axes = axes_of(pose[:, 3:])
         normal = turn(axes, direction[near])
         points_a = pose[:, :3] + turn(axes, point_a[near])
         points_b = points_a + distance[:, np.newaxis] * normal
-        found = Contacts(frame + first, pair, distance, points_a, points_b, normal)
+        found = Contacts(sample + first, pair, distance, points_a, points_b, normal)
         return found[_deepest(found)]
 
     def _candidates(
         self, link_poses: np.ndarray, rows: np.ndarray, gap: float
     ) -> tuple[np.ndarray, np.ndarray, ShapePairs]:
-        """Find pairs that may be nearer than a gap, for all frames at once.
+        """Find pairs that may be nearer than a gap, for all configurations at once.
 
         Args:
             link_poses: Poses of the links in the world, shape (n, n_links, 7).
@@ -306,14 +309,14 @@ class SelfCollisions:
         n_frames, n_links = link_poses.shape[:2]
         axes = axes_of(link_poses.reshape(-1, 7)[:, 3:])
         axes = axes.reshape(n_frames, n_links, 3, 3)
-        frame, row = self._bounds.near(link_poses, axes, rows[:, :2], gap)
+        sample, row = self._bounds.near(link_poses, axes, rows[:, :2], gap)
         a, b, pair = rows[row].T
         link_a, link_b = self._link[a], self._link[b]
-        poses = link_poses[frame, link_a], link_poses[frame, link_b]
-        placed = place(a, b, *poses, axes[frame, link_a])
+        poses = link_poses[sample, link_a], link_poses[sample, link_b]
+        placed = place(a, b, *poses, axes[sample, link_a])
         kept = self._bounds.overlap(placed, gap)
         kept = kept[~self._separation.apart(placed[kept], gap)]
-        return frame[kept], pair[kept], placed[kept]
+        return sample[kept], pair[kept], placed[kept]
 
     def _measure(self, placed: ShapePairs, margin: float) -> _Gaps:
         """Measure the gaps between pairs."""
@@ -372,11 +375,11 @@ class SelfCollisions:
 
 
 def _deepest(found: Contacts) -> np.ndarray:
-    """Select the deepest contact of each frame and pair, in their order."""
-    order = np.lexsort((found.distance, found.pair, found.frame))
-    frame, pair = found.frame[order], found.pair[order]
+    """Select the deepest contact of each sample and pair, in their order."""
+    order = np.lexsort((found.distance, found.pair, found.sample))
+    sample, pair = found.sample[order], found.pair[order]
     is_new = np.ones(len(order), dtype=bool)
-    is_new[1:] = (frame[1:] != frame[:-1]) | (pair[1:] != pair[:-1])
+    is_new[1:] = (sample[1:] != sample[:-1]) | (pair[1:] != pair[:-1])
     return order[is_new]
 
 

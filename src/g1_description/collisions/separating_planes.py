@@ -27,21 +27,21 @@ class Bounds:
         """Find the pairs whose spheres are near each other.
 
         Args:
-            T_world_link: Poses of the links, shape (n_frames, n_links, 7).
-            axes: These rotations as matrices, shape (n_frames, n_links, 3, 3).
+            T_world_link: Poses of the links, shape (n_samples, n_links, 7).
+            axes: These rotations as matrices, shape (n_samples, n_links, 3, 3).
             pairs: Indices of shapes, shape (n_pairs, 2).
             gap: Pairs this far apart or farther are excluded, in [m].
 
         Returns:
-            Frames and rows of ``pairs``, shapes (n,).
+            Samples and rows of ``pairs``, shapes (n,).
         """
         turned = axes[:, self._link] @ self._center[:, :, np.newaxis]
         center = T_world_link[:, self._link, :3] + turned[..., 0]
         apart = center[:, pairs[:, 0]] - center[:, pairs[:, 1]]
         reach = self._radius[pairs].sum(axis=1) + gap
         squared = np.einsum("fpi,fpi->fp", apart, apart)
-        frames, rows = np.nonzero(squared < reach**2)
-        return frames, rows
+        samples, rows = np.nonzero(squared < reach**2)
+        return samples, rows
 
     def overlap(self, placed: ShapePairs, gap: float) -> np.ndarray:
         """Find the pairs that are not separated by a face of their boxes.

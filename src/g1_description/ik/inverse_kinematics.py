@@ -90,14 +90,14 @@ class TargetError(NamedTuple):
 class IkOptions:
     """Conditions on a configuration, besides the limits of joints."""
 
-    hold: Collection[str] | None = None
+    fixed_links: Collection[str] | None = None
     """Links that stay, by name or role; None: the feet of the robot's profile, as far
     as they have no target."""
 
     balance: bool = False
     """Whether the centre of mass must be above the links that stand on the floor."""
 
-    collisions: bool = False
+    avoid_collisions: bool = False
     """Whether links keep away from each other."""
 
     floor: float | None = None
@@ -123,9 +123,9 @@ class IkOptions:
         """Refuse a value that is no boolean: any number would count as True.
 
         Raises:
-            InvalidValueError: If balance or collisions is something else.
+            InvalidValueError: If balance or avoid_collisions is something else.
         """
-        for name in ("balance", "collisions"):
+        for name in ("balance", "avoid_collisions"):
             given = getattr(self, name)
             if not isinstance(given, (bool, np.bool_)):
                 raise InvalidValueError(
@@ -381,7 +381,7 @@ class InverseKinematics:
     ) -> _Problem:
         """Find all tasks, of targets and of links that are held, and the bounds."""
         poses = self._solver.kinematics.link_poses(*start)
-        held = self._held(options.hold, moved)
+        held = self._held(options.fixed_links, moved)
         stands = held or any(task.link in self._feet for task in moved.values())
         stays = {
             name: LinkTask(row, poses[row], HARD * _weights(True))
@@ -403,7 +403,7 @@ class InverseKinematics:
         floor = _height(options.floor, start)
         if floor is not None:
             limits.append(FloorLimit(self._parts, floor, held.values()))
-        if options.collisions:
+        if options.avoid_collisions:
             limits.append(self._distance_limit)
         base_freedom = BASES[base_motion]
         bounds = IkConstraints(
@@ -562,7 +562,7 @@ def _names(given: Any) -> list[str]:
     names = [*given] if is_list else [given]
     if not all(isinstance(name, str) for name in names):
         raise InvalidValueError(
-            f"hold must be names or roles of links (got {str(given)[:80]})."
+            f"fixed_links must be names or roles of links (got {str(given)[:80]})."
         )
     return names
 

@@ -191,7 +191,7 @@ class _Between:
         }
         n_joints = len(self._names)
         options = IkOptions(
-            hold=(), base_motion="free", weights=dict.fromkeys(targets, np.inf)
+            fixed_links=(), base_motion="free", weights=dict.fromkeys(targets, np.inf)
         )
         positions, base = value[:n_joints], value[n_joints:]
         found = self._inverse.solve(targets, positions, base, options, 1)

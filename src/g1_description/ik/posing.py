@@ -203,9 +203,9 @@ class Posing:
         link = self.roles.get(name, name)
         held = [role for role in self.held if self.roles[role] != link]
         options = IkOptions(
-            hold=held,
+            fixed_links=held,
             balance=self.balance and any(role in self.feet for role in held),
-            collisions=self.avoid_collisions and self.is_prepared,
+            avoid_collisions=self.avoid_collisions and self.is_prepared,
             floor=self._floor,
             base_motion="free",
             points={} if point is None else {name: point},

@@ -204,7 +204,7 @@ class Session:
         return float(np.clip(self._time, self.begin, self.end))
 
     @property
-    def frame(self) -> int:
+    def sample(self) -> int:
         """Number of the sample at or before that time, from 1."""
         until = self.time + SNAP
         return int(np.searchsorted(self.motion.times, until, side="right"))
@@ -250,7 +250,7 @@ class Session:
     def step(self, n: int) -> None:
         """Pause, and show the sample ``n`` after the current one."""
         last = len(self.motion.times) - 1
-        row = min(max(self.frame - 1 + n, 0), last)
+        row = min(max(self.sample - 1 + n, 0), last)
         self.show(float(self.motion.times[row]))
 
     def show(self, time: float) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from g1_description.checks.causes import BY_TIME
-from g1_description.checks.ground_contacts import GroundFrames, drifts
+from g1_description.checks.ground_contacts import GroundSamples, drifts
 from g1_description.checks.intervals import runs
 from g1_description.checks.measured import Measured
 from g1_description.checks.rule import Rule
@@ -34,7 +34,7 @@ def slides(measured: Measured) -> np.ndarray:
     return ground.sliding(_ground(measured), measured.times, is_unknown)
 
 
-def _ground(measured: Measured) -> GroundFrames:
+def _ground(measured: Measured) -> GroundSamples:
     """Return the measurements of the ground."""
     assert measured.ground is not None
     return measured.ground
@@ -42,12 +42,12 @@ def _ground(measured: Measured) -> GroundFrames:
 
 def _penetrations(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
     """Find links in the floor."""
-    frames = _ground(measured)
-    is_low = frames.in_contact | ~np.isnan(measured.once(slides))
+    samples = _ground(measured)
+    is_low = samples.in_contact | ~np.isnan(measured.once(slides))
     for column in np.flatnonzero(is_low.any(axis=0)).tolist():
-        link, points = measured.ground_links[column], frames.lowest[:, column]
+        link, points = measured.ground_links[column], samples.lowest[:, column]
         text = f"{link} penetrates the floor by {{worst:.4g}} m{{when}}"
-        sizes = -frames.heights[:, column]
+        sizes = -samples.heights[:, column]
         yield rule.compared(measured, (link,), sizes, text, points=points)
 
 
@@ -68,13 +68,13 @@ def _drifts(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
 
     What ``skating`` finds does not count.
     """
-    frames, speeds = _ground(measured), measured.once(slides)
+    samples, speeds = _ground(measured), measured.once(slides)
     is_slow = ~SKATING.exceeds(speeds, SKATING.lowest(measured.robot.thresholds))
     is_slow[:-1] &= is_slow[1:]
     touches = ~np.isnan(speeds)
-    sizes = drifts(frames.steps * is_slow[..., np.newaxis], touches)
+    sizes = drifts(samples.steps * is_slow[..., np.newaxis], touches)
     for column in rule.columns(measured, sizes):
-        link, points = measured.ground_links[column], frames.lowest[:, column]
+        link, points = measured.ground_links[column], samples.lowest[:, column]
         whole = np.full(len(sizes), np.nan)  # of a contact, while the link moves
         for first, last in runs(touches[:, column]):
             rows = slice(first, last + 1)
@@ -89,14 +89,14 @@ def _drifts(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
 
 def _floating(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
     """Find links that support the robot above the floor, and a robot in the air."""
-    frames = _ground(measured)
-    heights = np.where(frames.in_contact, frames.heights, np.nan)
+    samples = _ground(measured)
+    heights = np.where(samples.in_contact, samples.heights, np.nan)
     for column in rule.columns(measured, heights):
-        link, points = measured.ground_links[column], frames.lowest[:, column]
+        link, points = measured.ground_links[column], samples.lowest[:, column]
         text = f"{link} hovers {{worst:.4g}} m above the floor as a support{{when}}"
         yield rule.compared(measured, (link,), heights[:, column], text, points=points)
-    lowest = np.argmin(frames.heights, axis=1)
-    points = frames.lowest[np.arange(len(lowest)), lowest]
+    lowest = np.argmin(samples.heights, axis=1)
+    points = samples.lowest[np.arange(len(lowest)), lowest]
     text = "the robot floats {worst:.4g} m above the floor{when}"
     yield rule.compared(measured, (), _float_heights(measured), text, points=points)
 

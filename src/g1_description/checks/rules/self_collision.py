@@ -35,8 +35,11 @@ def per_pair(
             np.full(n_samples, np.nan),
             np.full((n_samples, 2, 3), np.nan),
         )
-        distances[found.frame] = found.distance
-        points[found.frame, 0], points[found.frame, 1] = found.points_a, found.points_b
+        distances[found.sample] = found.distance
+        points[found.sample, 0], points[found.sample, 1] = (
+            found.points_a,
+            found.points_b,
+        )
         yield measured.robot.collisions.pairs[pair], distances, points
 
 
