@@ -424,6 +424,11 @@ TARGET = {"left_hand": [0.4, 0.25, 0.9]}
             "base=...",
             lambda: G1.trajectory([0.0], G1.neutral[None], base_poses=[HERE]).base,
         ),
+        (
+            "Verdict.bearing",
+            "floor_contacts",
+            lambda: G1.check_state(G1.neutral, HERE, ["penetration"]).bearing,
+        ),
         ("Motion.trajectory", "the motion itself", lambda: STILL.trajectory.times),
     ],
 )

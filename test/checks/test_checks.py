@@ -194,8 +194,11 @@ def test_a_clean_motion_has_no_findings():
     assert verdict.passed
     assert "deepest_self_collision" in verdict.figures
     assert {*verdict.skipped} == {"effort"}
-    assert {*verdict.bearing} == {"left_ankle_roll_link", "right_ankle_roll_link"}
-    assert verdict.bearing["left_ankle_roll_link"] == ((0.0, TIMES[-1]),)
+    assert {*verdict.floor_contacts} == {
+        "left_ankle_roll_link",
+        "right_ankle_roll_link",
+    }
+    assert verdict.floor_contacts["left_ankle_roll_link"] == ((0.0, TIMES[-1]),)
 
 
 @pytest.mark.parametrize("name", FAULTS)
@@ -291,8 +294,8 @@ def test_a_foot_that_is_lifted_and_put_down_does_not_hover():
         positions[:, column(f"right_{joint}")] += angle * bend
     found = check(motion(positions), only=["floating"])
     assert found.findings == ()
-    assert found.bearing["left_ankle_roll_link"] == ((0.0, TIMES[-1]),)
-    assert len(found.bearing["right_ankle_roll_link"]) == 2
+    assert found.floor_contacts["left_ankle_roll_link"] == ((0.0, TIMES[-1]),)
+    assert len(found.floor_contacts["right_ankle_roll_link"]) == 2
 
 
 def test_what_skates_does_not_drift_unless_that_is_not_checked():
@@ -379,7 +382,7 @@ def test_a_moment_without_support_is_no_fall():
     base[:, 0] += 0.02 * 0.12 * np.sin(2 * np.pi * TIMES / 0.12) / (2 * np.pi) * 6
     verdict = check(motion(standing(), base, lift=False))
     assert verdict.of("center_of_mass") == ()
-    assert verdict.bearing["left_ankle_roll_link"] == ((0.0, TIMES[-1]),)
+    assert verdict.floor_contacts["left_ankle_roll_link"] == ((0.0, TIMES[-1]),)
 
 
 def test_a_robot_without_masses_floats_and_has_no_efforts():

@@ -96,10 +96,10 @@ def test_one_foot_is_contact():
     base = standing_base(robot.description, named)
     times = np.linspace(0.0, 1.0, 31)
     motion = robot.trajectory(
-        times, np.tile(positions, (31, 1)), base_poses=np.tile(base, (31, 1))
+        times, np.tile(positions, (31, 1)), base=np.tile(base, (31, 1))
     )
     verdict = robot.check(motion)
-    assert {*verdict.bearing} == {"right_ankle_roll_link"}
+    assert {*verdict.floor_contacts} == {"right_ankle_roll_link"}
     assert verdict.figures["contact_share"] == pytest.approx(1.0)
 
 

@@ -144,8 +144,10 @@ def three_verdicts():
         ),
         depth=np.array([0.0, 0.002, 0.02, 0.0]),
     )
-    bearing = {"left_link": ((0.0, 0.5), (2.0, 3.0)), "right_link": ((9.0, 10.0),)}
-    yield Verdict("r", found, ("self_collision",), bearing=bearing, measured=full)
+    contacts = {"left_link": ((0.0, 0.5), (2.0, 3.0)), "right_link": ((9.0, 10.0),)}
+    yield Verdict(
+        "r", found, ("self_collision",), floor_contacts=contacts, measured=full
+    )
     names = tuple(joint.name for joint in JOINTS[:12])
     state = SimpleNamespace(
         times=np.array([3.0]),

@@ -177,6 +177,10 @@ def test_bounds_are_by_joint(tmp_path):
             "positon: {failure: 1}",
             "Unknown threshold 'positon'. Known thresholds: position",
         ),
+        (
+            "bearing_speed: 0.1",
+            "Unknown threshold 'bearing_speed'. Known thresholds: support_speed",
+        ),
         ("position: 1", "position must be a mapping with warning, failure (got 1)"),
         (
             "position: {failure: x}",

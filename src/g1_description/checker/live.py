@@ -114,7 +114,7 @@ class CheckHealth:
             )
         if "penetration" in verdict.checked:
             status.add(
-                "in contact with the floor", listed(verdict.bearing) or "nothing"
+                "in contact with the floor", listed(verdict.floor_contacts) or "nothing"
             )
         for name in SHOWN_IF_SKIPPED:
             if name in verdict.skipped:

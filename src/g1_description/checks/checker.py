@@ -190,7 +190,7 @@ class Checker:
             tuple(rule.name for rule in made),
             {rule.name: why for rule, why in rules.items() if why},
             _figures(measured),
-            _bearing(measured),
+            _floor_contacts(measured),
             tuple(dict.fromkeys(notes)),
             measured=measured,
         )
@@ -272,7 +272,7 @@ def _single(
     )
 
 
-def _bearing(measured: Measured) -> dict[str, tuple[tuple[float, float], ...]]:
+def _floor_contacts(measured: Measured) -> dict[str, tuple[tuple[float, float], ...]]:
     """List when links are in contact with the floor."""
     if measured.in_contact is None:
         return {}

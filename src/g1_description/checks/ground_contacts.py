@@ -94,7 +94,7 @@ class GroundSamples:
 
 
 HYSTERESIS = 2.0
-"""A contact ends at this multiple of ``bearing_speed``, below which it begins."""
+"""A contact ends at this multiple of ``support_speed``, below which it begins."""
 
 
 class Ground:
@@ -144,7 +144,7 @@ class Ground:
             changed = at[is_lower]
             heights[changed, column] = lowest_points[is_lower, 2]
             lowest[changed, column] = lowest_points[is_lower]
-            is_low = points[..., 2] <= limits.bearing_height
+            is_low = points[..., 2] <= limits.support_height
             sample = at[np.nonzero(is_low)[0]]
             owners.append(np.stack([sample, np.full_like(sample, column)]))
             low.append(points[is_low])
@@ -159,7 +159,7 @@ class Ground:
         )
         lowest[..., 2] += limits.floor_height
         speed = np.linalg.norm(velocity, axis=-1)
-        is_used = heights <= limits.bearing_height
+        is_used = heights <= limits.support_height
         is_used[np.arange(len(heights)), heights.argmin(axis=1)] = True
         used = np.flatnonzero(is_used.any(axis=0))
         slide, moves, place = np.split(means[:, used], (1, 3), axis=-1)
@@ -184,7 +184,7 @@ class Ground:
         """
         z = link_poses[:, self._outline_rows, 2].T - self._thresholds.floor_height
         reach = self._reaches[:, np.newaxis]
-        highest = np.maximum((z + reach).min(axis=0), self._thresholds.bearing_height)
+        highest = np.maximum((z + reach).min(axis=0), self._thresholds.support_height)
         return np.asarray(z - reach <= highest)
 
     def _points(self, outline: ConvexShape, poses: np.ndarray) -> np.ndarray:
@@ -260,11 +260,11 @@ class Ground:
         """
         limits = self._thresholds
         touches = heights <= limits.contact_height
-        is_near = (heights <= limits.bearing_height) & is_end
+        is_near = (heights <= limits.support_height) & is_end
         if len(times) == 1:
             return touches | is_near
-        in_contact = touches | (is_near & (speed < limits.bearing_speed))
-        may_stay = touches | (is_near & (speed < HYSTERESIS * limits.bearing_speed))
+        in_contact = touches | (is_near & (speed < limits.support_speed))
+        may_stay = touches | (is_near & (speed < HYSTERESIS * limits.support_speed))
         for column in np.flatnonzero(in_contact.any(axis=0)):
             stood = in_contact[:, column]
             for first, last in runs(may_stay[:, column]):
@@ -300,7 +300,7 @@ class Ground:
         touches = samples.in_contact & (heights <= limits.contact_height)
         lowest = heights <= heights.min(axis=1, keepdims=True)
         lowest &= self._is_end[samples.columns]
-        lowest &= heights <= limits.bearing_height
+        lowest &= heights <= limits.support_height
         is_lonely = lowest.any(axis=1) & ~samples.in_contact.any(axis=1)
         is_lonely = without_short(times, is_lonely, SLIDE_WINDOW)
         touches |= lowest & is_lonely[:, np.newaxis]

@@ -170,7 +170,7 @@ def _panels(verdict: Verdict, measured: Measured) -> list[tuple[str, float, Pane
     if measured.heights is not None:
         add(
             "links in contact with the floor; marked: sliding",
-            ROW * max(len(verdict.bearing), 1),
+            ROW * max(len(verdict.floor_contacts), 1),
             lambda axes: plot_panels.contacts_panel(axes, measured, verdict),
         )
         add(

@@ -218,9 +218,9 @@ SLIDING = ("skating", "drift")
 def contacts_panel(axes: Axes, measured: Measured, verdict: Verdict) -> None:
     """Draw when links are in contact with the floor."""
     times = measured.times
-    links = [*verdict.bearing]
+    links = [*verdict.floor_contacts]
     for row, link in enumerate(links):
-        spans = bars(verdict.bearing[link], times)
+        spans = bars(verdict.floor_contacts[link], times)
         axes.broken_barh(spans, (row - 0.3, 0.6), color=GREEN, linewidth=0.0)
         for finding in verdict.findings:
             if finding.subject == (link,) and finding.check in SLIDING:
@@ -236,13 +236,13 @@ def heights_panel(axes: Axes, measured: Measured, verdict: Verdict) -> None:
     """Draw the heights of links that are ever in contact."""
     assert measured.heights is not None
     colors = (BLUE, PURPLE, GREEN, GREY)
-    for number, link in enumerate([*verdict.bearing][: len(colors)]):
+    for number, link in enumerate([*verdict.floor_contacts][: len(colors)]):
         heights = measured.heights[:, measured.ground_links.index(link)]
         x, y = thinned(measured.times, np.where(np.isfinite(heights), heights, np.nan))
         axes.plot(x, y, color=colors[number], lw=1.0, label=link.replace("_link", ""))
     axes.axhline(0.0, color="black", lw=0.6)
     axes.set_ylim(*_range(axes, -0.02, 0.3, span=0.02))
-    if verdict.bearing:
+    if verdict.floor_contacts:
         _line_legend(axes)
 
 

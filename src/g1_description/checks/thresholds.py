@@ -99,11 +99,11 @@ class Thresholds:
     contact_height: float = 0.005
     """A link whose lowest point is at most this high touches the floor, in [m]."""
 
-    bearing_height: float = 0.025
+    support_height: float = 0.025
     """A slow foot or hand supports the robot up to this height, in [m]: in motions
     captured from people, feet are seldom exactly on the floor."""
 
-    bearing_speed: float = 0.1
+    support_speed: float = 0.1
     """A link is slow if its lowest point is slower than this, in [m/s]."""
 
     shortest_contact: float = 0.05

@@ -30,6 +30,9 @@ BOUNDS = ("acceleration_bounds", "jerk_bounds")
 POSITIVE = ("window", "longest_interval")
 """Parameters that cannot be zero."""
 
+FORMER = {"bearing_height": "support_height", "bearing_speed": "support_speed"}
+"""Names of parameters by those of 1.0."""
+
 EXCLUDE = "exclude"
 """The only action of a rule over a figure."""
 
@@ -93,7 +96,7 @@ def with_thresholds(thresholds: Thresholds, content: Mapping[str, Any]) -> Thres
         elif name not in known:
             raise ThresholdError(
                 f"Unknown threshold '{name}'. Known thresholds: "
-                f"{listed(similar_first(str(name), known))}."
+                f"{listed(similar_first(FORMER.get(name, str(name)), known))}."
             )
         elif name in BOUNDS:
             changed[name] = _bounds(name, value, getattr(thresholds, name))

@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from g1_description.checks.measured import Measured
+from g1_description.former import former
 
 FAILED, WARNING, PASSED = "failed", "warning", "passed"
 
@@ -127,7 +128,9 @@ class Verdict:
     figures: dict[str, float] = field(default_factory=dict)
     """Figures of the motion by name, some of ``FIGURES``."""
 
-    bearing: dict[str, tuple[tuple[float, float], ...]] = field(default_factory=dict)
+    floor_contacts: dict[str, tuple[tuple[float, float], ...]] = field(
+        default_factory=dict
+    )
     """First and last time of each contact with the floor, in [s], by link."""
 
     notes: tuple[str, ...] = ()
@@ -138,6 +141,8 @@ class Verdict:
 
     measured: Measured | None = field(default=None, compare=False, repr=False)
     """The measurements; None in reports."""
+
+    bearing = former("Verdict.bearing", "floor_contacts")
 
     @property
     def severity(self) -> str:

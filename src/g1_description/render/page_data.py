@@ -163,7 +163,7 @@ def motion_data(
         ]
         content["contacts"] = [
             {"name": short_name(link), "intervals": intervals}
-            for link, intervals in verdict.bearing.items()
+            for link, intervals in verdict.floor_contacts.items()
         ]
     return as_json(content)
 
@@ -202,7 +202,7 @@ def _lines(verdict: Verdict) -> Iterator[tuple[str, str, dict[str, str]]]:
     if "self_collision" in verdict.checked:
         yield DEPTH, "m", line(measured.depth)
     if measured.heights is not None:
-        for link in verdict.bearing:
+        for link in verdict.floor_contacts:
             heights = measured.heights[:, measured.ground_links.index(link)]
             yield HEIGHT.format(short_name(link)), "m", line(heights)
 

@@ -112,7 +112,7 @@ def _float_heights(measured: Measured) -> np.ndarray:
     center = measured.base_poses()[:, :3] if balance is None else balance.center
     heights = _ground(measured).heights.min(axis=1)
     floats = np.full(len(times), np.nan)
-    in_air = heights > measured.robot.thresholds.bearing_height
+    in_air = heights > measured.robot.thresholds.support_height
     if len(times) == 1:
         return np.where(in_air, heights, np.nan)
     for first, last in runs(in_air):
