@@ -19,6 +19,10 @@ MAX_FPS = 1e6
 """Largest number of samples per second of a motion."""
 
 
+FORMER = {"to": "until"}
+"""Names of options by those of 1.0."""
+
+
 class OneSentenceParser(argparse.ArgumentParser):
     """A parser with errors in one line, as in the output of roslaunch."""
 
@@ -35,7 +39,8 @@ class OneSentenceParser(argparse.ArgumentParser):
         if unknown:
             names = (name for action in self._actions for name in action.option_strings)
             known = {name.lstrip("-"): name for name in names}
-            hint = did_you_mean(unknown[0].partition("=")[0].lstrip("-"), known, known)
+            word = unknown[0].partition("=")[0].lstrip("-")
+            hint = did_you_mean(FORMER.get(word, word), known, known)
             self.error(f"unrecognized arguments: {' '.join(unknown)}{hint}")
         return given
 

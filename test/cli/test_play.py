@@ -275,6 +275,7 @@ def test_steps_on_the_way_to_the_beginning_are_led_in(robot):
         (["--speed", "0"], "--speed: must be a number from"),
         (["--speed", "1e9"], "--speed: must be a number from"),
         (["--fps", "1e12"], "must be greater than 0 and at most 1e+06"),
+        (["--to", "2"], "unrecognized arguments: --to 2 (did you mean --until?)"),
     ],
 )
 def test_a_wrong_command_line_ends_with_a_sentence(words, told, capsys):
@@ -320,7 +321,7 @@ def test_a_motion_is_cut_and_moved_as_requested(tmp_path, capsys, monkeypatch):
     def prepared(*words):
         return play.prepare(parse(PlayOptions, "play", [str(file), *words]), view)
 
-    plain = prepared("--from", "0.2", "--to", "0.6")
+    plain = prepared("--from", "0.2", "--until", "0.6")
     assert plain.times[[0, -1]].tolist() == pytest.approx([0.2, 0.6])
     assert capsys.readouterr().out == ""
     here = prepared("--start-here")

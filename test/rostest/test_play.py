@@ -187,7 +187,7 @@ class TestPlay(unittest.TestCase):
         arms.write_text("time,left_elbow_joint\n0,0\n1,1\n")
         for arguments, text in (
             (
-                (self.file, "--from", 2, "--to", 9),
+                (self.file, "--from", 2, "--until", 9),
                 "The requested range 2-9 s is outside the motion (0-4 s).",
             ),
             (

@@ -22,7 +22,7 @@ PERIOD = 10_000_000
 """Between two rows of a CSV as they are played, in [ns]."""
 SAMPLES = 3, 25_000_000
 """So many samples of an npz last so long as they are played, in [ns]: whole steps."""
-PART = ("--from", "1", "--to", "2")
+PART = ("--from", "1", "--until", "2")
 """What is played of a clip, in [s] of it."""
 TOLERANCE = 2e-6
 """In [m] and [rad]."""

@@ -188,7 +188,11 @@ class PlayOptions:
         metavar="TIME",
     )
     end: float | None = option(
-        "end time within the motion [s]", None, number, names=("--to",), metavar="TIME"
+        "end time within the motion [s]",
+        None,
+        number,
+        names=("--until",),
+        metavar="TIME",
     )
     loop: bool = option("start again a second after the end", False)
     lead_in: float = option(
