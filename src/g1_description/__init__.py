@@ -28,7 +28,7 @@ def __getattr__(name: str) -> Any:
     """Import a public name.
 
     Raises:
-        ImportError: If this Python lacks what it needs.
+        ImportError: If this Python lacks a library that it needs.
     """
     if name not in PUBLIC:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
@@ -53,7 +53,7 @@ def _needs(name: str, missing: str | None) -> str:
 
 
 def _find_installed() -> None:
-    """Let this Python find what pip installed for the Python that catkin was given.
+    """Let this Python find libraries that pip installed for catkin's Python.
 
     For ROS' own Python where the nodes have an environment. That one is searched last,
     so that whatever this Python has itself is used.

@@ -539,7 +539,7 @@ class Robot:
 
         Args:
             positions: Positions of all joints as an array, or of some as a
-                dictionary, in [rad] or [m]; None: of none.
+                dictionary, in [rad] or [m]; None: no joint moves.
             base: Pose of the base link in the map, shape (7,); None: it stays.
             stamp: When the configuration is shown, a rospy.Time; None: at once.
 

@@ -317,8 +317,8 @@ class Client:
             namespace: Namespace of the robot's topics.
 
         Returns:
-            The states as a motion that starts at time 0; its ``notes`` say what is
-            missing.
+            The states as a motion that starts at time 0; its ``notes`` name
+            missing ones.
 
         Raises:
             InvalidValueError: If ``seconds`` is not positive and finite.

@@ -60,11 +60,11 @@ class InvalidValueError(G1DescriptionError):
 
 
 class ClusterError(G1DescriptionError):
-    """Machines that should work together do not answer, or lack what is needed."""
+    """Machines that should work together do not answer, or lack libraries."""
 
 
 class PageServerError(G1DescriptionError):
-    """The browser view cannot be opened, or takes nothing of what was sent."""
+    """The browser view cannot be opened, or accepts no input."""
 
 
 class WireFormatError(G1DescriptionError):

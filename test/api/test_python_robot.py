@@ -348,7 +348,7 @@ def test_joints_that_a_motion_does_not_move_are_neutral():
     assert positions.shape == (len(motion.times), 29)
 
 
-def test_what_is_no_motion_is_refused():
+def test_an_invalid_motion_is_refused():
     with pytest.raises(MotionError):
         G1.trajectory([0.0, 0.0], np.zeros((2, 29)))
     with pytest.raises(MotionError):

@@ -298,7 +298,7 @@ def test_a_foot_that_is_lifted_and_put_down_does_not_hover():
     assert len(found.floor_contacts["right_ankle_roll_link"]) == 2
 
 
-def test_what_skates_does_not_drift_unless_that_is_not_checked():
+def test_a_skating_foot_does_not_drift_unless_skating_is_not_checked():
     assert check(skating(), only=["drift"]).findings == ()
     thresholds = with_thresholds(
         Thresholds(), {"skating": {"warning": None, "failure": None}}

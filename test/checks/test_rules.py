@@ -69,7 +69,7 @@ def test_a_size_beyond_a_threshold_is_found(lower_is_worse, sizes, severities):
         assert (found.severity if found else "") == severity
 
 
-def test_what_rules_measure_is_joined_over_all_samples():
+def test_measurements_of_rules_are_joined_over_all_samples():
     """A long motion is measured piece by piece."""
     robot = CheckedRobot(POST, Thresholds(), SelfCollisions(POST, ()), False)
     motion = post_motion(1.2, seconds=30.0)

@@ -192,7 +192,7 @@ def test_a_robot_at_its_end_is_not_stopped(robot, session):
     assert robot.bridge.calls == ["play"]
 
 
-def test_what_the_bridge_changed_is_told_once(robot, session, capsys):
+def test_changes_by_the_bridge_are_reported_once(robot, session, capsys):
     session.start()
     assert capsys.readouterr().out == ""
     robot.bridge.answer = "clamped"

@@ -140,7 +140,7 @@ def test_the_model_is_the_one_with_the_links_or_that_of_the_namespace():
         (["a.csv", "--seconds", "0"], "--seconds: must be"),
     ],
 )
-def test_what_is_wrong_is_told_and_writes_nothing(
+def test_a_fault_is_reported_and_writes_nothing(
     tmp_path, monkeypatch, capsys, words, told
 ):
     (tmp_path / "there.csv").write_text("old")

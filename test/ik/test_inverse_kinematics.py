@@ -121,7 +121,7 @@ def test_collisions_make_a_difference(g1):
     assert not len(g1.self_collisions(around.positions, around.base).pair)
 
 
-def test_what_cannot_be_reached_leaves_the_feet_and_is_told(g1):
+def test_an_unreachable_target_leaves_the_feet_and_is_reported(g1):
     start = g1.named_configuration("stand")
     feet = {link: g1.link_poses(start, BASE)[link] for link in FEET}
     result = g1.ik({"left_hand": [2.0, 0.3, 0.9]}, start, BASE)

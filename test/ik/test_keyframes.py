@@ -127,7 +127,7 @@ def test_the_checks_find_nothing_invalid_in_it(g1, pick_up):
     ("times", "problem"),
     [((0.0,), "at least two keyframes"), ((0.0, 0.0), "times of keyframes must incr")],
 )
-def test_what_is_no_motion_is_refused(g1, times, problem):
+def test_invalid_keyframes_are_refused(g1, times, problem):
     frames = [Keyframe(t, g1.named_configuration("stand"), BASE) for t in times]
     with pytest.raises(InvalidValueError, match=problem):
         through(g1, frames)

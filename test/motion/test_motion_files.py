@@ -127,7 +127,7 @@ points:\x20
 """
 
 
-def test_what_rostopic_echo_prints_is_read(g1, file):
+def test_output_of_rostopic_echo_is_read(g1, file):
     motion = read_motion(file(ECHO), g1)
     assert motion.times.tolist() == [0.5, 2.0]
     assert motion.joint_names == ("left_elbow_joint", "right_elbow_joint")
@@ -317,7 +317,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_what_is_no_motion_is_told_in_a_sentence_and_at_once(g1, file, case):
+def test_a_file_without_a_motion_is_refused_in_a_sentence_and_at_once(g1, file, case):
     content, words = BAD[case]
     path = file(content() if callable(content) else content)
     begin = time.process_time()

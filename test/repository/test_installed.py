@@ -147,7 +147,7 @@ def test_a_program_loads_only_what_it_uses(python):
     assert python(program).splitlines() == ["set()", "set()", "World True"]
 
 
-def test_what_needs_ros_says_so(python):
+def test_a_part_that_needs_ros_says_so(python):
     program = (
         "import g1_description\n"
         "robot = g1_description.Robot()\n"

@@ -78,7 +78,7 @@ _Structure = Tuple[MeasuredJoints, Optional[Tuple[int, np.ndarray]]]
 
 @dataclass(frozen=True)
 class _Layout:
-    """Where the links and joints of one robot are among those of all."""
+    """Places of a robot's links and joints in arrays of all robots."""
 
     joints: MeasuredJoints
     """Joints, which index the robot's own valid links."""
@@ -91,7 +91,7 @@ class _Layout:
     """Row of its first link among the valid links of all robots."""
 
     span: slice
-    """Rows of its joints among those of all robots."""
+    """Rows of its joints in arrays of all robots."""
 
     base: tuple[int, np.ndarray] | None
     """Row of the base's reference link among the valid links of all robots, and the
@@ -100,7 +100,7 @@ class _Layout:
     def base_of(
         self, poses: np.ndarray, twists: np.ndarray
     ) -> tuple[np.ndarray | None, np.ndarray | None]:
-        """Compute pose and twist of the base from those of all links."""
+        """Compute pose and twist of the base from all links."""
         if self.base is None:
             return None, None
         row, T_link_base = self.base
@@ -148,7 +148,7 @@ class JointStateEstimator:
         self._interval = 0.0
         self._off_since = np.full(len(self._number), np.inf)
         """Since when each joint of all robots has been off its axis, in [s]."""
-        self._was_off = True  # so that what was found before is cleared, too
+        self._was_off = True  # so that earlier findings are cleared, too
 
     def update(
         self, names: Sequence[str], poses: np.ndarray, twists: np.ndarray, stamp: int

@@ -254,7 +254,7 @@ class MotionPlayer:
         return state, motors.is_sample
 
     def _claim(self, motion: Motion, start_ns: int) -> Claim:
-        """Record what a motion moves, and which motions nobody will see."""
+        """Record the joints of a motion, and motions that no state will show."""
         has_base = motion.base_poses is not None
         parts = [name for name in motion.joint_names if name in self._joints]
         parts += [BASE] if has_base else []
@@ -312,7 +312,7 @@ class MotionPlayer:
 
 
 class GazeboMotions:
-    """Motions that the bridge plays, and what is commanded, on the real Gazebo.
+    """Motions that the bridge plays, and commands, on the real Gazebo.
 
     Each published state is answered with the sample of its time.
     """

@@ -148,7 +148,7 @@ class BridgedRobot:
         return state
 
     def _send_to_tf(self, state: RobotState, is_sample: bool = False) -> None:
-        """Send to TF what is due with a new state."""
+        """Send the transforms that are due with a new state."""
         count = self.status.commands
         is_under_way = count.received > count.answered
         self._show(

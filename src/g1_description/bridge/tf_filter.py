@@ -34,7 +34,7 @@ the master three times for ``tf_prefix``, which costs as much as the message doe
 class PoseThrottle:
     """Lets a pose pass when it moved, turned, or was last sent a while ago.
 
-    Plain numbers: for a single pose they cost a tenth of what arrays do.
+    Plain numbers: for a single pose they cost a tenth of arrays' time.
     """
 
     position_threshold: float

@@ -154,7 +154,7 @@ class Checker:
         }
 
     def _measure(self, motion: Motion, rules: Mapping[Rule, str]) -> Measured:
-        """Measure what the active rules need."""
+        """Make the measurements that active rules need."""
         made = [rule for rule, why in rules.items() if not why]
         needs = {need for rule in made for need in rule.needs}
         own = {rule.name: rule.measure for rule in made if rule.measure is not None}

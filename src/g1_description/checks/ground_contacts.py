@@ -59,7 +59,7 @@ class GroundPiece:
     steps: np.ndarray
     """How far the mean of these points moves along x and y until the next sample, in
     [m], shape (n, k, 2); NaN at the last sample. Between samples a foot that is held
-    goes a little way there and back: its velocities at the samples do not tell."""
+    goes a little way there and back, which velocities at the samples do not show."""
 
     speed: np.ndarray
     """Speeds of their lowest points, in [m/s], shape (n, k)."""

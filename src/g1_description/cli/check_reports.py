@@ -150,7 +150,7 @@ class Reports:
         ]
 
     def _select(self, path: Path, outcomes: Mapping[int, FileResult]) -> None:
-        """Exclude what rules exclude, unless a person has decided."""
+        """Exclude motions by the rules, unless a person has decided."""
         selection = Selection(path, must_exist=False)
         for task in self._tasks:
             outcome = outcomes.get(task.number)

@@ -1,4 +1,4 @@
-"""The command motion: what motions in files are, and writing them edited.
+"""The command motion: describes motions in files, and writes them edited.
 
 It needs neither a master nor a screen.
 """

@@ -79,7 +79,7 @@ class Reading:
 
 @dataclass(frozen=True)
 class Info(Reading):
-    """Print what motions are: format, joints, samples, duration, top speeds."""
+    """Describe motions: format, joints, samples, duration, top speeds."""
 
     json: bool = option("print a line of JSON for each motion", False)
 
@@ -326,7 +326,7 @@ class Rename(Edit):
                 )
 
     def edited(self, motion: Motion, robot: Description) -> Motion:
-        """Rename them, and leave out what the robot does not have."""
+        """Rename them, and leave out joints that the robot lacks."""
         return fitted(motion.renamed(self.names), robot)
 
 

@@ -142,7 +142,7 @@ def record(args: RecordOptions) -> None:
 
 
 def save_last(seconds: float, robot: Description, args: RecordOptions) -> None:
-    """Save what the bridge has kept.
+    """Save the history that the bridge has kept.
 
     Raises:
         G1DescriptionError: If there is no bridge, or the file cannot be written.

@@ -1,4 +1,4 @@
-"""The running system of the command doctor: what master, nodes and topics answer.
+"""The running system of the command doctor: answers of master, nodes and topics.
 
 Only the standard library is imported at the top: the command must work if the rest is
 missing.

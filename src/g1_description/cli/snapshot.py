@@ -200,7 +200,7 @@ class SnapshotOptions:
             check_length(seconds, self.fps, self.size)
 
     def _check(self) -> None:
-        """Check that options apply to the output, and to what it shows."""
+        """Check that options apply to the output and its content."""
         output = ANIMATION if self.is_film else "a page" if self.is_page else PICTURE
         shown = "--motion" if self.motion else "--model" if self.model else RUNNING
         for name, uses in EXCLUDED.items():

@@ -43,7 +43,7 @@ from g1_description.sim.standing import outlines
 from g1_description.text import did_you_mean, listed, similar_first
 
 ROTATION_WEIGHT = 0.3
-"""Weight of errors of rotation in [rad], against those of position in [m]."""
+"""Weight of rotation errors in [rad], against position errors in [m]."""
 
 SOLE = 0.01
 """Height above a link's lowest point, and of the lowest held link, up to which it
@@ -101,8 +101,7 @@ class IkOptions:
     """Whether links keep away from each other."""
 
     floor: float | None = None
-    """Height in [m] below which no link gets, but for those that are held; None: there
-    is no floor."""
+    """Height in [m] below which no link gets, except fixed ones; None: no floor."""
 
     base_motion: str | None = None
     """How the base moves, one of ``BASES``; None: freely if a link is held or a foot
@@ -161,7 +160,7 @@ class IkResult:
     """Pose of the base link in the world, shape (7,)."""
 
     errors: Mapping[str, TargetError]
-    """How far links are from their targets, those that are held included."""
+    """Distances of links from their targets, fixed links included."""
 
     reached: bool
     """Whether all targets are reached within 1 mm and 0.5 degrees, with balance and
@@ -315,7 +314,7 @@ class InverseKinematics:
             targets: Poses, shape (n, 7), or positions, shape (n, 3), by link.
             positions: As for ``solve``, before the first sample.
             base: Pose of the base link at the start.
-            options: Conditions on all configurations; links are held at the start.
+            options: Conditions on all configurations; fixed links stay as at the start.
 
         Raises:
             G1DescriptionError: As for ``solve``, and if lengths do not match.
@@ -379,7 +378,7 @@ class InverseKinematics:
     def _problem(
         self, moved: Mapping[str, LinkTask], start: Configuration, options: IkOptions
     ) -> _Problem:
-        """Find all tasks, of targets and of links that are held, and the bounds."""
+        """Find all tasks, of targets and of fixed links, and the bounds."""
         poses = self._solver.kinematics.link_poses(*start)
         held = self._held(options.fixed_links, moved)
         stands = held or any(task.link in self._feet for task in moved.values())

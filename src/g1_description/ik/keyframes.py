@@ -20,7 +20,7 @@ from g1_description.robot.rotation import angle_between
 from g1_description.robot.transform import compose
 
 PERIOD = 0.02
-"""Time between samples in [s]; those of keyframes are multiples of it."""
+"""Time between samples in [s]; keyframes are at multiples of it."""
 
 STOP, PASS = "stop at each", "pass through"
 """Ways through keyframes: from rest to rest with minimum jerk, or a cubic spline."""

@@ -1,4 +1,4 @@
-"""Limits of inverse kinematics: what must not come nearer than it may.
+"""Limits of inverse kinematics: distances that must not get smaller.
 
 A limit has quantities, such as the distance of the centre of mass from an edge. Steps
 of the solver let each shrink by no more than there is of it.

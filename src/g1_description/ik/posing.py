@@ -225,7 +225,7 @@ class Posing:
         self._begin = self._now = None
 
     def _go(self, placed: Placed) -> None:
-        """Move to a configuration instead of what is searched."""
+        """Move to a configuration instead of the searched one."""
         self.end_drag()
         self._command(placed)
 

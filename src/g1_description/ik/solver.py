@@ -44,7 +44,7 @@ LEAST_DAMPING = 1e-5
 """Damping of all steps: where tasks leave a choice, they are too short to overshoot."""
 
 POSTURE = 3e-4
-"""Weight of the posture, against those of tasks."""
+"""Weight of the posture, against weights of tasks."""
 
 UNBOUNDED = 1e30
 """Infinity, for the solver."""

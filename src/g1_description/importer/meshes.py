@@ -62,7 +62,7 @@ def side_files_of(mesh: Path) -> tuple[dict[str, Path], list[str]]:
 
 
 def _names_in(file: Path) -> list[str]:
-    """List what a file names by relative paths."""
+    """List files that a file names by relative paths."""
     kind = file.suffix.lower()
     pattern = _NAMED.get(kind)
     if pattern is None:

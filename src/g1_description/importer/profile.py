@@ -30,7 +30,7 @@ zero:
 
 
 def first_profile(robot: ImportedRobot) -> dict[str, bytes]:
-    """Write the files of a profile with what is known of a robot.
+    """Write the files of a profile, as far as the robot is known.
 
     A robot that has a profile gets one that is like it.
 

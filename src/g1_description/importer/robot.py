@@ -124,7 +124,7 @@ def open_robot(model: ModelText) -> ImportedRobot:
 
 
 def _owner(element: etree._Element) -> tuple[str, str]:
-    """Return kind and name of what a file belongs to; empty if not part of URDF."""
+    """Return kind and name of a file's owner; empty if not part of URDF."""
     above = list(element.iterancestors())
     tags = [parent.tag for parent in above]
     if tags == ["material", "robot"]:

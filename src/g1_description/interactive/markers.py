@@ -152,7 +152,7 @@ class InteractiveMarkers:
             self._new.notify()
 
     def _do(self, role: str, act: Callable[[], object]) -> None:
-        """Do something; report what is refused."""
+        """Call a function; report its refusal."""
         try:
             act()
         except G1DescriptionError as error:
@@ -299,7 +299,7 @@ class InteractiveMarkers:
         return menu
 
     def _choose(self, act: Callable[[], object]) -> None:
-        """Do what a menu offers; its marks and poses may have changed."""
+        """Execute an entry of a menu; its marks and poses may have changed."""
         self._show("", "")
         try:
             act()

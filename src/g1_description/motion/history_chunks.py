@@ -1,4 +1,4 @@
-"""Chunks of a history, without loss but for what is kept as float32.
+"""Chunks of a history, without loss except of arrays kept as float32.
 
 Of each column the second differences of the bit patterns are compressed, first bytes of
 all of them first. While the robot moves that is two thirds of the size, at rest next to

@@ -248,7 +248,7 @@ class Motion:
             joint_names: Joints that it does not have are at 0; its others are left out.
 
         Returns:
-            The motion, with notes on what was added and left out.
+            The motion, with notes on joints added and left out.
         """
         column = {name: number for number, name in enumerate(self.joint_names)}
         notes = [*self.notes]

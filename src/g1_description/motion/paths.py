@@ -91,7 +91,7 @@ def motion_path(name: str | PathLike[str]) -> Path:
     Raises:
         DescriptionError: If the package or scheme is unknown.
     """
-    # Only where it is needed: doctor must run without what finds packages.
+    # Only where it is needed: doctor must run without rospkg.
     from g1_description.files.find import named_path
     from g1_description.files.model_files import share_folder
 

@@ -67,7 +67,7 @@ class Selection:
         self._folders: dict[str, str] = {}
         """Paths of folders of motions from this one."""
         self._plain: dict[str, list[str]] = {}
-        """Entries by what names have in common."""
+        """Entries by the common part of their names."""
         if must_exist or self.path.exists():
             self.choices = _read(self.path)
 

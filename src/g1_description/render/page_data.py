@@ -213,7 +213,7 @@ def _cause(
     motion: Motion,
     lines: Sequence[str],
 ) -> dict[str, Any]:
-    """Describe the findings of one cause: their times, marks, and what to plot."""
+    """Describe the findings of one cause: their times, marks and plots."""
     worst = worst_of(findings)
     subject = worst.subject[0] if worst.subject else ""
     names = {"center_of_mass": CENTER, "zero_moment_point": ZMP}

@@ -1,4 +1,4 @@
-"""The triangles of a robot's links, by colour: what browsers draw."""
+"""The triangles of a robot's links by colour, for browsers."""
 
 from __future__ import annotations
 

@@ -124,7 +124,7 @@ def draw(
 ) -> np.ndarray:
     """Draw a scene on a floor.
 
-    The floor does not hide what is below it.
+    The floor does not hide things below it.
 
     Args:
         scene: The robots.

@@ -237,7 +237,7 @@ def _is_xacro(text: str) -> bool:
 
 
 def _description(element: etree._Element) -> Description:
-    """Read a robot description; raises what ``parse_urdf`` does."""
+    """Read a robot description; errors are those of ``parse_urdf``."""
     if element.tag != "robot":
         raise DescriptionError(
             f"The robot description is not URDF: the root element is <{element.tag}>, "

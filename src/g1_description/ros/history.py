@@ -258,7 +258,7 @@ def fetch_history(
         as_of: Wall time in [ns] at which the last of them was the newest; 0: now.
 
     Returns:
-        The states, and a note on what is missing; may be empty.
+        The states, and a note on missing ones, or an empty one.
 
     Raises:
         NoAnswerError: If there is no bridge.

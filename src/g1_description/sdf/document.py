@@ -118,7 +118,7 @@ def whole_document(
 
 
 def _move_out(entity: etree._Element) -> None:
-    """Move what an included model says of itself to the model around it, if any.
+    """Move settings of an included model to the model around it, if any.
 
     So does libsdformat, where the first of several values applies.
     """

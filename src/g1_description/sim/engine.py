@@ -285,7 +285,7 @@ class Engine(ABC):
         return failure
 
     def update_models(self) -> None:
-        """Set the models' states to those of the last step."""
+        """Set the models' states to the results of the last step."""
         if self._rest.is_resting:
             return
         self._moving.update_models()

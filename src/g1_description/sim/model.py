@@ -244,7 +244,7 @@ class Model:
         return links
 
     def _update_links(self) -> None:
-        """Set all links' poses and twists to those of the roots and the joints.
+        """Set all links' poses and twists from roots and joints.
 
         They are computed on demand: often the next step comes first.
         """
@@ -258,7 +258,7 @@ class Model:
         position: np.ndarray,
         velocity: np.ndarray,
     ) -> States:
-        """Compute all links' poses and twists from those of roots and joints."""
+        """Compute all links' poses and twists from roots and joints."""
         kinematics = self.kinematics
         if kinematics is None:
             return np.zeros((0, 7)), np.zeros((0, 6))

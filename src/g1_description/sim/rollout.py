@@ -136,7 +136,7 @@ def rollout(
 ) -> Rollout:
     """Simulate a robot whose motors follow a motion, until a second after its end.
 
-    A fall ends it: what lies on the floor follows no motion. It starts at rest at the
+    A fall ends it: a robot on the floor follows no motion. It starts at rest at the
     motion's first sample; without a base in the motion, upright on the floor.
 
     Args:

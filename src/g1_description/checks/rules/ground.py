@@ -66,7 +66,7 @@ def _skating(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
 def _drifts(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
     """Find links that do not stay where they touched the floor.
 
-    What ``skating`` finds does not count.
+    Findings of ``skating`` do not count.
     """
     samples, speeds = _ground(measured), measured.once(slides)
     is_slow = ~SKATING.exceeds(speeds, SKATING.lowest(measured.robot.thresholds))

@@ -137,7 +137,7 @@ def read_arrays(
 
 
 Arranged = Callable[[MotionSource, Arrays, Description], Mapping[str, Any]]
-"""Makes arrays of the names of a row of those of a file."""
+"""Converts arrays of a file to those named in a row."""
 
 
 def array_format(

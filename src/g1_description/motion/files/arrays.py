@@ -1,4 +1,4 @@
-"""Arrays of a file by name, and what is read in their place."""
+"""Arrays of a file by name, and other values in their place."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ class Arrays(Mapping[str, Any]):
         """List the names of dictionaries that have these keys."""
         if not isinstance(self._values, dict):
             return ()  # an npz, whose arrays stay unread
-        if keys not in self._holding:  # each motion of a library asks for it
+        if keys not in self._holding:  # each motion of a library requests it
             self._holding[keys] = tuple(
                 name
                 for name, value in self._values.items()
@@ -161,7 +161,7 @@ class Arrays(Mapping[str, Any]):
 
 
 class NpzArrays(Arrays):
-    """Arrays of an npz, read when they are asked for."""
+    """Arrays of an npz, read when they are requested."""
 
     def __contains__(self, name: object) -> bool:
         return name in self._values.files  # type: ignore[attr-defined]
@@ -197,7 +197,7 @@ def npy_arrays(content: bytes) -> Arrays:
 
 
 def _array(stream: IO[bytes]) -> Any:
-    """Read an array, or what is pickled in its place."""
+    """Read an array, or the value pickled in its place."""
     begin = stream.read(12)
     last = 10 if begin[6:7] == b"\x01" else 12
     if int.from_bytes(begin[8:last], "little") > MAX_HEADER:

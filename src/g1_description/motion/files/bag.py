@@ -382,7 +382,7 @@ def _ordered(stamps: np.ndarray, label: str) -> tuple[np.ndarray, list[str]]:
         label: Name of the samples, for messages.
 
     Returns:
-        Indices of the samples in order, and messages on what is ignored.
+        Indices of the samples in order, and messages on ignored ones.
     """
     count = len(stamps)
     near = np.arange(count)[:, np.newaxis] + np.arange(-FEW, FEW + 1)
@@ -422,7 +422,7 @@ def _ordered(stamps: np.ndarray, label: str) -> tuple[np.ndarray, list[str]]:
 
 
 def _ordered_path(path: _Poses) -> tuple[np.ndarray, np.ndarray, list[str]]:
-    """Return stamps in [ns], increasing, poses, and messages on what is ignored."""
+    """Return stamps in [ns], increasing, poses, and messages on ignored ones."""
     stamps = np.array([step[0] for step in path])
     order, notes = _ordered(stamps, "base poses")
     order = order[np.append(np.diff(stamps[order]) > 0, True)]

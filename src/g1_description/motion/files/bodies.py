@@ -24,7 +24,7 @@ from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.transform import IDENTITY, compose
 
 BODY_MISMATCH = 0.002
-"""Larger distances of bodies from those of the robot are reported, in [m]."""
+"""Larger distances of bodies from the robot's are reported, in [m]."""
 
 CLEARLY = 4.0
 """How many times as far off bodies are if a file is not read as another robot's is:
@@ -34,7 +34,7 @@ N_COMPARED = 5
 """Samples whose bodies are compared with the robot's."""
 
 MAX_OTHERS = 20
-"""Most bodies without names beside those of the robot."""
+"""Most bodies without names beside the robot's."""
 
 KEYS = (
     ("body_pos_w", "body_names"),
@@ -73,7 +73,7 @@ class Bodies:
 
 @dataclass(frozen=True, eq=False)
 class FoundBase:
-    """The base of a file, and what its bodies say."""
+    """The base of a file, and the evidence of its bodies."""
 
     poses: np.ndarray
     """T_map_base, shape (n_samples, 7)."""
@@ -85,7 +85,7 @@ class FoundBase:
     """Whether the order of the joints follows from the bodies."""
 
     notes: tuple[str, ...]
-    """On what the file refutes, and on bodies that do not fit."""
+    """Messages on refuted assumptions, and on bodies that do not fit."""
 
 
 @dataclass(frozen=True, eq=False)

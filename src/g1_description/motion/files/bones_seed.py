@@ -3,7 +3,7 @@
 ``Frame, root_translateX .. Z, root_rotateX .. Z, NAME_dof``; turns are about the fixed
 axes x, y, z, in this order. Traps:
 
-- The header does not tell units: with metres and radians the base would be on the
+- The header does not give units: with metres and radians the base would be on the
   floor, and no joint would turn.
 - Files of the AgiBot X2 look alike, with other joints in another order: names count.
 - The rate is not in the file: 120 Hz in BONES-SEED, that of the source from SOMA.
@@ -72,7 +72,7 @@ def read(source: MotionSource, robot: Description) -> Motion:
 
 
 def _check_units(place: np.ndarray, degrees: np.ndarray) -> tuple[str, ...]:
-    """Check that numbers can be cm and degrees; tell if angles may be in radians."""
+    """Check that numbers can be cm and degrees; report angles that could be radians."""
     highest, widest = place[:, 2].max(), np.abs(degrees).max()
     if abs(highest) < LOWEST:
         raise MotionError(

@@ -114,7 +114,7 @@ def names_of_columns(
     of which 67 were in ASAP's layout and 59 cut to Unitree's.
 
     Args:
-        source: The file, for the order of joints if the user tells it.
+        source: The file, for the order of joints if the user gives it.
         positions: Positions of the joints, shape (n_samples, n_joints).
         robot: The robot; if the numbers of joints are equal, its names in their order.
 

@@ -140,7 +140,7 @@ def read_source(source: MotionSource, robot: Description, fits: bool = True) -> 
 
 
 def _reasons(errors: Mapping[str, MotionError]) -> str:
-    """List formats with what is wrong."""
+    """List formats with faults."""
     return "; ".join(f"{name}: {error}" for name, error in errors.items())
 
 
@@ -327,7 +327,7 @@ def contents(
     name: str | None = None,
     writers: Mapping[str, Writer] = WRITERS,
 ) -> tuple[dict[Path, bytes], tuple[str, ...]]:
-    """Make what ``write_motion`` writes: bytes by file, and its messages."""
+    """Make the output of ``write_motion``: bytes by file, and messages."""
     writer = writer_of(path, name, writers)
     content, notes = writer.write(motion, robot, rate)
     if writer.assumed is not None:

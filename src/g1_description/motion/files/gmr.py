@@ -2,7 +2,7 @@
 
 TWIST, TWIST2, GMT and G1 Moves use the same. Traps:
 
-- Quaternions are x y z w, which is checked: flat feet may tell otherwise.
+- Quaternions are x y z w, which is checked: flat feet may show otherwise.
 - Joints have no names, except in ``joint_names`` of a few tools. GMT's 23 are ASAP's.
 - ``fps`` may be a scalar of numpy such as 29.878, and may be missing: GMR has 30 Hz.
 - Some pickles have several such motions, in a dictionary or a list.

@@ -25,7 +25,7 @@ from g1_description.robot.description import Description
 from g1_description.robot.rotation import rotate
 
 USUAL, LEAST_SAMPLES = 99.0, 20
-"""Percentile of the speeds of joints that tells of the rate, and how many samples it
+"""Percentile of the speeds of joints that indicates the rate, and how many samples it
 needs."""
 
 TURN = 3.3
@@ -74,13 +74,13 @@ Limits = Dict[str, Tuple[float, float]]
 def hints(
     motion: Motion, robot: Description, order: str | None = None, may_lie: bool = False
 ) -> tuple[str, ...]:
-    """Tell what looks wrong, and why.
+    """Report what looks wrong, and why.
 
     Args:
         motion: Motion of joints of the robot, in radians.
         robot: The robot.
         order: Order of the file's quaternions as they were read, xyzw or wxyz, if its
-            format fixes it; None: it has none, or the user tells it.
+            format fixes it; None: it has none, or the user gives it.
         may_lie: Whether a hint is given if the robot does not stand.
     """
     limits = {

@@ -3,7 +3,7 @@
 A dictionary of motions by name; each has ``root_trans_offset``, ``root_rot``, ``dof``,
 ``pose_aa`` and ``fps``. Traps:
 
-- ``root_rot`` is x y z w, though SONIC's documents say otherwise; flat feet may tell.
+- ``root_rot`` is x y z w, though SONIC's documents say otherwise; flat feet show it.
 - Joints have no names. ``pose_aa`` has axis times position of each, which tells ASAP's
   23 joints from Unitree's; behind them, ASAP and PBHC have three zeros for hands and
   head, SONIC none.
@@ -45,7 +45,7 @@ N_EXTENDED = 3
 """Bodies behind the joints in ASAP's ``pose_aa``: hands and head."""
 
 N_SMPL = 24
-"""Joints of SMPL, whose places readers ask for and do not use."""
+"""Joints of SMPL, whose places readers require and do not use."""
 
 NAME = "motion"
 """Name of a motion that is written and has none."""
@@ -114,7 +114,7 @@ def _turned(source: MotionSource, turns: Any, vectors: np.ndarray) -> bool:
 def _names(
     axes: np.ndarray, positions: np.ndarray, robot: Description
 ) -> tuple[str, ...] | None:
-    """Name the joints by their axes; None if these do not tell.
+    """Name the joints by their axes; None if these are ambiguous.
 
     Args:
         axes: Rotation vectors of the root, the joints and more, shape (n, m, 3).

@@ -189,7 +189,7 @@ def _joints(
     rest: np.ndarray,
     robot: Description,
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Name the joints, the first columns of what follows the base."""
+    """Name the joints, the first columns after the base."""
     arrays = source.arrays
     width = rest.shape[1]
     if JOINT_NAMES in arrays:

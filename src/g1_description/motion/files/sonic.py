@@ -188,7 +188,7 @@ def write(
 
 
 def _metadata(n_samples: int) -> str:
-    """Write what the robot's program reads of the bodies."""
+    """Write the bodies that the robot's program reads."""
     numbers = " ".join(f"{number:2d}" for number in BODIES)
     return (
         "Metadata for: motion\n==============================\n\nBody part indexes:\n"

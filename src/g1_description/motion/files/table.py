@@ -4,7 +4,7 @@ Without a header a row is a sample: x y z and quaternion x y z w of the base, th
 joints, as in the LAFAN1 retargeting set of the G1. Tables of Kimodo have w first, which
 is detected. With a header, which may be a comment, the columns are named:
 
-- ``time``, unless the user or the name of the file tells the rate;
+- ``time``, unless the user or the name of the file gives the rate;
 - ``base_x`` to ``base_qw``, also with another prefix or none, or none of them;
 - each joint by its name;
 - ``NAME.velocity`` for each joint, or for none.
@@ -291,7 +291,7 @@ def write(
 
 
 def rows_text(values: np.ndarray, names: Sequence[str] = ()) -> str:
-    """Write a table, each number with as few digits as tell it from its neighbours.
+    """Write a table, each number with as few digits as set it apart.
 
     Args:
         values: Shape (n_rows, n_columns).

@@ -88,7 +88,7 @@ class _Unpickler(Unpickler):
         self._storages = storages
 
     def names(self) -> dict[str, Any]:
-        """List what replaces the allowed names."""
+        """List replacements of the allowed names."""
         kinds = {f"torch.{name}Storage": kind for name, kind in STORAGES.items()}
         return {
             **super().names(),

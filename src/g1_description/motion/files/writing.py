@@ -55,7 +55,7 @@ def prepared(
         has_joint_order: As for ``whole``.
 
     Returns:
-        The motion, its samples per second, and messages on what was changed.
+        The motion, its samples per second, and messages on changes.
 
     Raises:
         MotionError: If it has no base or too many samples, or the robot lacks a joint.

@@ -193,7 +193,7 @@ class Body:
             )
 
     def _find_slack(self) -> None:
-        """Find the joints without a servo, and what acts on them in each step."""
+        """Find the joints without a servo, and whether anything moves them."""
         drives = self._drives
         self._slack = [row for row in self.rows if not drives.is_servo[row]]
         resistance = drives.friction + drives.joint_damping

@@ -29,7 +29,7 @@ def _without_stderr() -> Iterator[None]:
 
 @contextlib.contextmanager
 def _without_stdout_of_c() -> Iterator[None]:
-    """Discard what C's printf writes meanwhile.
+    """Discard output of C's printf meanwhile.
 
     The file descriptor stays as it is, because other threads print to it.
     """
@@ -37,7 +37,7 @@ def _without_stdout_of_c() -> Iterator[None]:
     libc.fopen.restype = ctypes.c_void_p
     stdout = ctypes.c_void_p.in_dll(libc, "stdout")
     with _swapping:
-        libc.fflush(None)  # what C has printed before comes before
+        libc.fflush(None)  # earlier output of C comes first
         own, nowhere = stdout.value, libc.fopen(os.devnull.encode(), b"w")
         stdout.value = nowhere
         try:

@@ -181,7 +181,7 @@ class MujocoEngine(Engine):
         mujoco.mj_setConst(model, self._data)
 
     def _write_driven(self, rows: _Rows) -> None:
-        """Write what drives the joints of a model now.
+        """Write the present drives of the joints of a model.
 
         A servo is friction with a target, a spring and damper is an actuator.
         """
