@@ -91,7 +91,9 @@ def test_collisions_are_avoided_where_that_is_switched_on(g1, posing):
     def collides():
         posing.pull("left_hand", [0.1, -0.21, 0.1])
         state = posing.now
-        return len(g1.collisions(state.positions_by_name, state.base_pose).pair) > 0
+        return (
+            len(g1.self_collisions(state.positions_by_name, state.base_pose).pair) > 0
+        )
 
     assert collides()
     posing.undo()
@@ -137,7 +139,7 @@ def test_a_reset_robot_stands_at_its_place(g1, posing):
     posing.command(bent, np.concatenate([[1.0, 2.0, 0.9], tilted]))
     posing.reset("stand")
     state = posing.now
-    names = dict(zip(g1.joint_names, g1.pose("stand")))
+    names = dict(zip(g1.joint_names, g1.named_configuration("stand")))
     assert state.positions_by_name == pytest.approx(names)
     np.testing.assert_allclose(state.base_pose[:2], [1.0, 2.0], atol=1e-9)
     upright = Rotation.from_quat(state.base_pose[3:]).apply([0.0, 0.0, 1.0])

@@ -391,7 +391,10 @@ def test_a_path_that_is_too_fast_lags_and_catches_up():
             "300 m from the robot: targets are in",
         ),
         ({"fixed_links": ["foot"]}, "Unknown link 'foot'"),
-        ({"fixed_links": [], "balance": True}, "Balance needs links that stand on the floor"),
+        (
+            {"fixed_links": [], "balance": True},
+            "Balance needs links that stand on the floor",
+        ),
         ({"targets": [0.4, 0.2, 0.4]}, "targets must be a dictionary by link"),
         ({"floor": "low"}, "floor must be the height of the floor in m"),
         (
@@ -410,7 +413,10 @@ def test_a_path_that_is_too_fast_lags_and_catches_up():
         ({"base_motion": "sideways"}, "must be one of free, planar, fixed .*sideways"),
         ({"start": np.zeros((2, 29))}, "start must be a single configuration"),
         ({"balance": 0.04}, r"balance must be True or False \(got 0.04\)"),
-        ({"avoid_collisions": "no"}, r"avoid_collisions must be True or False \(got no\)"),
+        (
+            {"avoid_collisions": "no"},
+            r"avoid_collisions must be True or False \(got no\)",
+        ),
         ({"floor": 700.0}, "floor is 699 m above the robot: it is in m, at most 100 m"),
         (
             {"targets": {"head": [0, 0, 1]}, "points": {"head": [50, 0, 0]}},

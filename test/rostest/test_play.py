@@ -87,7 +87,7 @@ class TestPlay(unittest.TestCase):
         run("play", self.file, "--from", 3.5, "--speed", 8)
         self.assert_still()  # its last states may still come
         self.states.clear()
-        arguments = "--from", 0.5, "--to", 1, "--lead-in", 1, "--speed", 2
+        arguments = "--from", 0.5, "--until", 1, "--lead-in", 1, "--speed", 2
         done = run("play", self.file, *arguments)
         self.assertEqual(done.returncode, 0, done.stdout)
         self.assertEqual(
@@ -178,7 +178,7 @@ class TestPlay(unittest.TestCase):
 
     def test_it_puts_the_motion_on_the_floor(self):
         """The legs are straight: the soles are where a standing robot has them."""
-        done = run("play", self.file, "--on-floor", "--from", 3.9, "--to", 4.0)
+        done = run("play", self.file, "--on-floor", "--from", 3.9, "--until", 4.0)
         self.assertEqual(done.returncode, 0, done.stdout)
         self.assertAlmostEqual(self.base_pose()[2], 0.792, delta=0.005)
 

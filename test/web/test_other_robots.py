@@ -153,7 +153,7 @@ def test_motors_and_collisions_may_be_given(tmp_path):
     pair = "[left_hip_roll_link, right_hip_roll_link, never]"
     assert pair in text
     (tmp_path / "collisions.yaml").write_text(text.replace(f"- {pair}\n", ""))
-    robot = Robot(collisions=tmp_path / "collisions.yaml")
+    robot = Robot(allowed_collisions=tmp_path / "collisions.yaml")
     extra = {*robot.collision_pairs} - {*Robot().collision_pairs}
     assert extra == {("left_hip_roll_link", "right_hip_roll_link")}
     words = ["a.csv", "--physics"]

@@ -64,7 +64,7 @@ def test_two_keyframes_are_a_motion_that_is_checked(page, browser):
     motion = opened(page, browser, 2, 1.0)
     column = motion.joint_names.index("left_elbow_joint")
     bent = motion.positions[:, column]
-    assert bent[0] == pytest.approx(page.model.pose("stand")[column])
+    assert bent[0] == pytest.approx(page.model.named_configuration("stand")[column])
     assert bent[-1] == pytest.approx(-0.8)
     assert bent[25] == pytest.approx(0.5 * (bent[0] + bent[-1]))
     browser.wait_for(lambda: browser.says("passed"), "its verdict")
@@ -80,7 +80,7 @@ def test_the_robot_stays_where_it_is_posed(page, browser):
 def test_a_selected_keyframe_is_shown_replaced_and_deleted(page, browser):
     opened(page, browser, 2, 1.0)
     row = page.robot.state().names.index("left_elbow_joint")
-    first = page.model.pose("stand")[row]
+    first = page.model.named_configuration("stand")[row]
     browser.set("Selected", "1 at 0.00 s")
     wait_for(lambda: elbow(page) == pytest.approx(first), "the first")
     page.robot.command({"left_elbow_joint": 0.5})

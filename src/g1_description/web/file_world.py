@@ -63,9 +63,9 @@ class StillRobot:
         now = time.monotonic()
         with self._lock:
             if self._way is not None:
-                trajectory, began = self._way
-                self._take(trajectory, now - began)
-                if now - began >= trajectory.end:
+                motion, began = self._way
+                self._take(motion, now - began)
+                if now - began >= motion.end:
                     self._way = None
             base = self._base.copy()
             base[:3] += self.offset
@@ -132,20 +132,20 @@ class StillRobot:
             self._base[:3] -= self.offset
             self._renew()
 
-    def go(self, trajectory: Motion) -> None:
+    def go(self, motion: Motion) -> None:
         """Play a motion of joints from now."""
         with self._lock:
-            self._way = trajectory, time.monotonic()
+            self._way = motion, time.monotonic()
 
-    def take(self, trajectory: Motion, at: float) -> None:
+    def take(self, motion: Motion, at: float) -> None:
         """Take the state of a motion at a time, in [s]."""
         with self._lock:
             self._way = None
-            self._take(trajectory, at)
+            self._take(motion, at)
 
-    def _take(self, trajectory: Motion, at: float) -> None:
-        found = sample(trajectory, at)
-        bent = dict(zip(trajectory.joint_names, found.positions.tolist()))
+    def _take(self, motion: Motion, at: float) -> None:
+        found = sample(motion, at)
+        bent = dict(zip(motion.joint_names, found.positions.tolist()))
         self._positions = {**self._positions, **bent}
         if found.base_poses is None:
             self._hold()

@@ -172,7 +172,7 @@ class Quantities:
         still = np.tile(IDENTITY, (len(kept), 1))
         found = self._collisions.contacts(self._link_poses(some, still), FAR, pairs)
         distance = unknown.copy()
-        distance[kept[found.frame]] = found.distance
+        distance[kept[found.sample]] = found.distance
         is_known = ~np.isnan(distance)
         if is_known.any():
             rows = np.arange(len(distance))
