@@ -113,19 +113,12 @@ def whole_document(
                 f"The SDF includes more than {_MOST_INCLUDES} models."
             )
     for element in reversed(included):  # the innermost first
-        _move_out(element)
+        if element.tag == "model" and element.getparent().tag == "model":
+            # As by libsdformat, where the first of several values applies.
+            for child in list(element):
+                if child.tag not in _STAYING:
+                    element.addprevious(child)
     return root, left_out
-
-
-def _move_out(entity: etree._Element) -> None:
-    """Move settings of an included model to the model around it, if any.
-
-    So does libsdformat, where the first of several values applies.
-    """
-    if entity.tag == "model" and entity.getparent().tag == "model":
-        for child in list(entity):
-            if child.tag not in _STAYING:
-                entity.addprevious(child)
 
 
 def _document(label: str, text: str, left_out: list[str]) -> etree._Element:
@@ -196,7 +189,10 @@ def _included(
             left_out.append(f"include of {uri} is ignored: {error}".rstrip("."))
             return None
         found = _BUILT_IN[uri]
-    return _overridden(_entity(uri, found, left_out), include, uri, left_out)
+    for element in _document(f"SDF of {uri}", found, left_out):
+        if element.tag in ("model", "light"):
+            return _overridden(element, include, uri, left_out)
+    raise DescriptionError(f"The SDF of {uri} has no model or light.")
 
 
 def _uri(include: etree._Element, chain: tuple[str, ...]) -> str:
@@ -215,14 +211,6 @@ def _uri(include: etree._Element, chain: tuple[str, ...]) -> str:
             f"The include of {uri} has merge, which is not supported."
         )
     return uri
-
-
-def _entity(uri: str, text: str, left_out: list[str]) -> etree._Element:
-    """Return the model or light of a document."""
-    for element in _document(f"SDF of {uri}", text, left_out):
-        if element.tag in ("model", "light"):
-            return element
-    raise DescriptionError(f"The SDF of {uri} has no model or light.")
 
 
 def _overridden(

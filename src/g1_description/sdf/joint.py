@@ -104,12 +104,16 @@ def read_joint(
     if kind == "fixed":
         return joint
     owner, axis = f"joint {joint.name}", element.find("axis")
+    limit = None if axis is None else axis.find("limit")
     lower, upper, remark = -np.inf, np.inf, ""
     if kind != "continuous":
-        lower, upper, remark = _bounds(axis, owner)
+        lower, upper, remark = position_limits(
+            owner,
+            _limit(limit, "lower", -np.inf, owner),
+            _limit(limit, "upper", np.inf, owner),
+        )
     free = np.isinf([lower, upper]).all()
     dynamics = None if axis is None else axis.find("dynamics")
-    limit = None if axis is None else axis.find("limit")
     return replace(
         joint,
         kind="continuous" if kind == "revolute" and free else kind,
@@ -138,14 +142,6 @@ def _axis(
     given_in = scope.full(other) if other else frame
     T_child_given = scope.frames.between(joint.child, given_in)
     return rotate(T_child_given[3:], unit(f"axis of {owner}", xyz))
-
-
-def _bounds(axis: etree._Element | None, owner: str) -> tuple[float, float, str]:
-    """Read the position limits, infinite if SDF's numbers mean none."""
-    limit = None if axis is None else axis.find("limit")
-    lower = _limit(limit, "lower", -np.inf, owner)
-    upper = _limit(limit, "upper", np.inf, owner)
-    return position_limits(owner, lower, upper)
 
 
 def _most(limit: etree._Element | None, tag: str, owner: str) -> float:

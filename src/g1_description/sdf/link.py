@@ -51,7 +51,7 @@ def read_link(element: etree._Element, scope: Scope) -> Link:
     return Link(
         name=name,
         inertial=_inertial(element.find("inertial"), name, scope),
-        collisions=tuple(_collisions(element, name, scope)),
+        collisions=tuple(_shapes(element, name, scope)),
         gravity=flag(element, "gravity", True, f"link {name}"),
     )
 
@@ -93,34 +93,27 @@ def _inertial(element: etree._Element | None, link: str, scope: Scope) -> Inerti
     return Inertial(mass, pose[:3], axes @ inertia @ axes.T)
 
 
-def _collisions(element: etree._Element, link: str, scope: Scope) -> Iterator[Shape]:
+def _shapes(link: etree._Element, name: str, scope: Scope) -> Iterator[Shape]:
     """Read the supported collisions of a link."""
-    for shape in element.findall("collision"):
-        owner = f"collision {name_of(shape)} of link {link}"
-        yield from _shape(shape, owner, link, scope)
-
-
-def _shape(
-    element: etree._Element, owner: str, link: str, scope: Scope
-) -> Iterator[Shape]:
-    """Read a collision element, if its geometry is supported."""
-    mu = text_of(element.find("surface/friction/ode"), "mu")
-    bounce = element.find("surface/bounce")
-    restitution = optional(bounce, "restitution_coefficient", owner)
-    pose = scope.pose_in(link, element, owner)
-    for geometry in element.iterfind("geometry/*"):
-        size = _size(geometry, owner)
-        if size is not None:
-            yield Shape(
-                kind=geometry.tag,
-                size=size,
-                pose=pose,
-                filename=text_of(geometry, "uri"),
-                name=name_of(element),
-                friction=friction(f"mu of {owner}", mu) if mu else None,
-                restitution=restitution,
-            )
-            return
+    for element in link.findall("collision"):
+        owner = f"collision {name_of(element)} of link {name}"
+        mu = text_of(element.find("surface/friction/ode"), "mu")
+        bounce = element.find("surface/bounce")
+        restitution = optional(bounce, "restitution_coefficient", owner)
+        pose = scope.pose_in(name, element, owner)
+        for geometry in element.iterfind("geometry/*"):
+            size = _size(geometry, owner)
+            if size is not None:
+                yield Shape(
+                    kind=geometry.tag,
+                    size=size,
+                    pose=pose,
+                    filename=text_of(geometry, "uri"),
+                    name=name_of(element),
+                    friction=friction(f"mu of {owner}", mu) if mu else None,
+                    restitution=restitution,
+                )
+                break
 
 
 def _size(geometry: etree._Element, owner: str) -> tuple[float, ...] | None:

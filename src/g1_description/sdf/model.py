@@ -121,7 +121,11 @@ def read_model_element(element: etree._Element, pose: np.ndarray) -> SdfModel:
     static = flag(element, "static", False, f"model {name}")
     scopes = _scopes(element, name)
     frames = scopes[0][0].frames
-    links, wrong = _links(scopes, static)
+    elements = [
+        (link, scope) for scope, model in scopes for link in model.findall("link")
+    ]
+    wrong = [drop_wrong_inertial(*one) for one in elements] if static else []
+    links = tuple(read_link(*one) for one in elements)
     _check_links(name, links, static)
     joints, odd = _joints(scopes, {link.name for link in links}, static)
     joints = hung([link.name for link in links], joints)
@@ -129,28 +133,13 @@ def read_model_element(element: etree._Element, pose: np.ndarray) -> SdfModel:
         joints = _held_together(links, joints, frames)
     elif any(joint.parent == WORLD for joint in joints):
         links = (Link(WORLD), *links)
-    left_out = (*unread(element), *wrong, *odd, *_static_inside(scopes, static))
     description = Description(name, find_roots(name, links, joints)[0], links, joints)
-    return SdfModel(name, pose, _assembly(description, scopes, static, left_out))
-
-
-def _assembly(
-    description: Description,
-    scopes: list[tuple[Scope, etree._Element]],
-    static: bool,
-    left_out: tuple[str, ...],
-) -> Assembly:
-    """Place the trees of a model; its frame moves with the first link in the file."""
-    frames = scopes[0][0].frames
-    first = next(link.name for link in description.links if link.name != WORLD)
-    return Assembly(
+    # The frame of the model moves with the first link in the file.
+    first = next(link.name for link in links if link.name != WORLD)
+    roots = [MODEL if root == WORLD else root for root in description.roots]
+    assembly = Assembly(
         description=description,
-        root_poses=np.array(
-            [
-                frames.pose(MODEL if root == WORLD else root)
-                for root in description.roots
-            ]
-        ),
+        root_poses=np.array([*map(frames.pose, roots)]),
         canonical=first if first != description.root else "",
         static=static,
         nested=tuple(
@@ -158,20 +147,14 @@ def _assembly(
             for scope, inner in scopes[1:]
             if inner.get(INCLUDED) is None
         ),
-        left_out=left_out,
+        left_out=(
+            *unread(element),
+            *filter(None, wrong),
+            *odd,
+            *_static_inside(scopes, static),
+        ),
     )
-
-
-def _links(
-    scopes: list[tuple[Scope, etree._Element]], static: bool
-) -> tuple[tuple[Link, ...], list[str]]:
-    """Read the links of a model and its nested models."""
-    elements = [
-        (link, scope) for scope, model in scopes for link in model.findall("link")
-    ]
-    wrong = [drop_wrong_inertial(*one) for one in elements] if static else []
-    links = tuple(read_link(*one) for one in elements)
-    return links, [message for message in wrong if message]
+    return SdfModel(name, pose, assembly)
 
 
 def _scopes(model: etree._Element, name: str) -> list[tuple[Scope, etree._Element]]:

@@ -98,7 +98,12 @@ def unread(root: etree._Element) -> tuple[str, ...]:
     messages: dict[str, None] = {}
     waiting = [(root, _owner(root, "", ""), "")]
     for element, owner, scope in waiting:
-        messages.update(dict.fromkeys(_namesakes(element, owner)))
+        if element.tag == "link":  # Gazebo accepts duplicate names
+            shapes = element.findall("collision")
+            counts = Counter(shape.get("name", "") for shape in shapes)
+            for name, count in counts.items():
+                if count > 1:
+                    messages[f"{owner} has {count} collisions called {name}"] = None
         for child in element:
             tag = local_name(child)
             if tag in _LOOKS:
@@ -106,7 +111,9 @@ def unread(root: etree._Element) -> tuple[str, ...]:
             messages[_read_as(child, owner)] = None
             if child.tag not in _READ_IN.get(element.tag, ()):
                 if not _says_nothing(child):
-                    messages[_message(child, tag, element.tag, owner)] = None
+                    noun = f"light {child.get('name')}" if tag == "light" else tag
+                    place = "in" if element.tag == "geometry" else "of"
+                    messages[f"{noun} {place} {owner} is not simulated"] = None
             elif tag == "mu2" and child.text != element.findtext("mu"):
                 messages[f"mu2 of {owner} is not simulated"] = None
             elif tag == "model" and element.tag == "model":
@@ -115,16 +122,6 @@ def unread(root: etree._Element) -> tuple[str, ...]:
             elif tag not in ("model", "light", "world"):
                 waiting.append((child, _owner(child, scope, owner), scope))
     return tuple(filter(None, messages))
-
-
-def _namesakes(element: etree._Element, owner: str) -> Iterator[str]:
-    """Report duplicate names of collisions, which Gazebo accepts."""
-    if element.tag != "link":
-        return
-    counts = Counter(shape.get("name", "") for shape in element.findall("collision"))
-    for name, count in counts.items():
-        if count > 1:
-            yield f"{owner} has {count} collisions called {name}"
 
 
 def _owner(element: etree._Element, scope: str, above: str) -> str:
@@ -137,13 +134,6 @@ def _owner(element: etree._Element, scope: str, above: str) -> str:
     if tag in ("model", "light", "link", "joint", "frame"):
         return f"{tag} {scope}{name}"
     return f"{tag} {name} of {above}" if tag == "collision" else above
-
-
-def _message(element: etree._Element, tag: str, parent_tag: str, owner: str) -> str:
-    """Describe an unsupported element."""
-    name = f"light {element.get('name')}" if tag == "light" else tag
-    place = "in" if parent_tag == "geometry" else "of"
-    return f"{name} {place} {owner} is not simulated"
 
 
 def _read_as(element: etree._Element, owner: str) -> str:

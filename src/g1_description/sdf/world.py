@@ -50,7 +50,9 @@ def read_physics(holder: etree._Element) -> dict[str, float]:
     Raises:
         DescriptionError: If one is not a number, or is negative.
     """
-    physics = _physics(holder)
+    every = holder.findall("physics")
+    usual = (one for one in every if one.get("default", "").lower() in ("true", "1"))
+    physics = next(usual, every[0] if every else None)
     found = {}
     for name, (path, tag) in _PLACES.items():
         parent = physics.find(path) if path and physics is not None else physics
@@ -58,15 +60,6 @@ def read_physics(holder: etree._Element) -> dict[str, float]:
         if value is not None:
             found[name] = value
     return found
-
-
-def _physics(holder: etree._Element) -> etree._Element | None:
-    """Find the default physics, else the first."""
-    all_physics = holder.findall("physics")
-    for physics in all_physics:
-        if physics.get("default", "").lower() in ("true", "1"):
-            return physics
-    return all_physics[0] if all_physics else None
 
 
 __all__ = ["EMPTY_WORLD", "Light", "Sdf", "SdfModel", "read_sdf"]
@@ -155,7 +148,9 @@ def read_sdf(text: str, find_model: Callable[[str], str] = no_model) -> Sdf:
             for light in read_lights.values()
         ),
         time=state.time or 0.0,
-        gravity=_gravity(holder),
+        gravity=tuple(vector(holder, "gravity", [0.0, 0.0, 0.0], "the world").tolist())
+        if text_of(holder, "gravity")
+        else None,
         physics=read_physics(holder),
         left_out=tuple(dict.fromkeys(left_out)),
         refused=tuple(reader.refused),
@@ -223,10 +218,3 @@ def _add_light(
         raise DescriptionError(f"There are two lights called {light.name}.")
     lights[light.name] = light
     return unread(element)
-
-
-def _gravity(holder: etree._Element) -> tuple[float, ...] | None:
-    """Read a world's gravity, in [m/s^2]."""
-    if not text_of(holder, "gravity"):
-        return None
-    return tuple(vector(holder, "gravity", [0.0, 0.0, 0.0], "the world").tolist())
