@@ -5,9 +5,6 @@ from __future__ import annotations
 import argparse
 import math
 import os
-import sys
-import time
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,7 +15,6 @@ from g1_description.importer.folder import Folder
 from g1_description.importer.importing import Import, mesh_prefix
 from g1_description.importer.meshes import (
     TOLERANCE,
-    MeshFile,
     Options,
     millimetres,
 )
@@ -37,11 +33,20 @@ def report(imported: Import, where: str) -> str:
     """
     lines = ["# Import report", "", where, ""]
     for robot in imported.robots:
-        lines += _robot_section(robot)
+        source = f"From `{robot.source}`: {_figures(robot)}."
+        lines += [f"## {os.path.basename(robot.name)}", "", source, ""]
+        for title, texts in (("Changed", robot.changes), ("To check", robot.findings)):
+            if texts:
+                lines += [f"### {title}", "", *(f"- {text}" for text in texts), ""]
     if imported.faults:
         lines += ["## Skipped", "", *(f"- {fault}" for fault in imported.faults), ""]
     if imported.files:
-        lines += _mesh_section(list(imported.files.values()))
+        header = "| file | from | triangles | |"
+        lines += ["## Meshes", "", header, "| --- | --- | ---: | --- |"]
+    for name, file in sorted(imported.files.items()):
+        count = "" if file.triangles is None else str(file.triangles)
+        notes = "; ".join((*file.changes, *file.findings))
+        lines.append(f"| {name} | {file.source} | {count} | {notes} |")
     return "\n".join(lines).rstrip() + "\n"
 
 
@@ -79,33 +84,7 @@ def _figures(robot: ImportedRobot) -> str:
     )
 
 
-def _robot_section(robot: ImportedRobot) -> Iterator[str]:
-    """Write the part of one robot."""
-    yield from (f"## {os.path.basename(robot.name)}", "")
-    yield from (f"From `{robot.source}`: {_figures(robot)}.", "")
-    for title, texts in (("Changed", robot.changes), ("To check", robot.findings)):
-        if texts:
-            yield from (f"### {title}", "", *(f"- {text}" for text in texts), "")
-
-
-def _mesh_section(files: list[MeshFile]) -> Iterator[str]:
-    """Write the table of meshes."""
-    yield from (
-        "## Meshes",
-        "",
-        "| file | from | triangles | |",
-        "| --- | --- | ---: | --- |",
-    )
-    for file in sorted(files, key=lambda file: file.name):
-        count = "" if file.triangles is None else str(file.triangles)
-        notes = "; ".join((*file.changes, *file.findings))
-        yield f"| {file.name} | {file.source} | {count} | {notes} |"
-
-
 REPORT = "report.md"
-
-PROGRESS_PERIOD = 2.0
-"""Time between two lines of progress, in [s]."""
 
 
 def _folder(text: str) -> Path:
@@ -153,7 +132,7 @@ class ImportOptions:
 
 
 def read_models(model: str) -> tuple[list[ModelText], list[str]]:
-    """Read a file, or all robots in a folder and below it.
+    """Read a file, or all robots in a folder and below it, except hidden ones.
 
     Returns:
         The robots, and a message for each file of a folder that is not a robot.
@@ -164,7 +143,10 @@ def read_models(model: str) -> tuple[list[ModelText], list[str]]:
     folder = named_path(model)
     if not folder.is_dir() or (folder / FILE).is_file():
         return [_read(model)], []
-    names = _urdf_files(folder)
+    names: list[str] = []
+    for place, folders, files in os.walk(str(folder)):
+        folders[:] = sorted(name for name in folders if not name.startswith("."))
+        names += [os.path.join(place, n) for n in sorted(files) if n.endswith(".urdf")]
     if not names:
         more = with_robots(folder)
         raise DescriptionError(
@@ -182,52 +164,12 @@ def read_models(model: str) -> tuple[list[ModelText], list[str]]:
     return models, faults
 
 
-def _urdf_files(folder: Path) -> list[str]:
-    """List the .urdf files in a folder and its subfolders, except hidden ones."""
-    found = []
-    for place, folders, names in os.walk(str(folder)):
-        folders[:] = sorted(name for name in folders if not name.startswith("."))
-        found += [os.path.join(place, n) for n in sorted(names) if n.endswith(".urdf")]
-    return found
-
-
 def _read(name: str) -> ModelText:
     """Read a robot; the error names it."""
     try:
         return read_model(name)
     except G1DescriptionError as error:
         raise DescriptionError(f"Cannot use the model {name}: {error}") from error
-
-
-def _open(models: list[ModelText]) -> list[ImportedRobot]:
-    """Open robots; those with equal file names are numbered."""
-    robots: dict[str, ImportedRobot] = {}
-    for model in models:
-        robot = open_robot(model)
-        while robot.name in robots:
-            robot.number += 1
-        robots[robot.name] = robot
-    return list(robots.values())
-
-
-class ProgressLines:
-    """Reports progress on stderr during a long import."""
-
-    def __init__(self) -> None:
-        self._reported = time.monotonic()
-
-    def __call__(self, done: int, total: int) -> None:
-        """Print how many are done, every ``PROGRESS_PERIOD``."""
-        if time.monotonic() - self._reported > PROGRESS_PERIOD:
-            self._reported = time.monotonic()
-            print(f"import_model: {done} of {total} meshes", file=sys.stderr)
-
-
-def check_only(robots: list[ImportedRobot], faults: list[str], options: Options) -> str:
-    """Check robots without writing; return the summary."""
-    imported = Import(robots, options, "../meshes", lambda name, data: None, faults)
-    imported.run(ProgressLines())
-    return f"{summary(imported)}\nOnly checked: use --out to write the result."
 
 
 def import_into(
@@ -239,14 +181,12 @@ def import_into(
         DescriptionError: If files already exist.
         OSError: If it cannot be written.
     """
-    meshes = (ref.path for robot in robots for ref in robot.references if ref.path)
-    folder.protect([*(robot.source for robot in robots), *meshes])
     folder.check([REPORT, *(robot.name for robot in robots)])
     profile, use = _profile(folder, robots)
     prefix, where = mesh_prefix(folder.target)
     imported = Import(robots, options, prefix, folder.write, faults)
     with folder.completed():
-        imported.run(ProgressLines())
+        imported.run()
         for name, content in profile.items():
             folder.write(name, content)
         folder.write(REPORT, report(imported, where).encode("utf-8"))
@@ -277,10 +217,20 @@ def run(arguments: list[str]) -> str:
     """
     args = parse(ImportOptions, "import_model", arguments)
     models, faults = read_models(args.model)
-    robots = _open(models)
+    named: dict[str, ImportedRobot] = {}
+    for model in models:
+        robot = open_robot(model)
+        while robot.name in named:
+            robot.number += 1
+        named[robot.name] = robot
+    robots = [*named.values()]
     options = Options(
         args.decimate, args.tolerance, args.convex_collisions, args.keep_missing
     )
     if args.out is None:
-        return check_only(robots, faults, options)
-    return import_into(Folder(args.out, args.force), robots, faults, options)
+        imported = Import(robots, options, "../meshes", lambda name, data: None, faults)
+        imported.run()
+        return f"{summary(imported)}\nOnly checked: use --out to write the result."
+    meshes = (ref.path for robot in robots for ref in robot.references if ref.path)
+    sources = [*(robot.source for robot in robots), *meshes]
+    return import_into(Folder(args.out, args.force, sources), robots, faults, options)

@@ -20,17 +20,14 @@ class Folder:
     Args:
         target: The folder; it may exist.
         replace: Whether existing files may be replaced.
+        sources: Files that must not be replaced.
     """
 
-    def __init__(self, target: Path, replace: bool) -> None:
+    def __init__(self, target: Path, replace: bool, sources: Iterable[Path]) -> None:
         self.target = Path(os.path.abspath(target))
         self._replace = replace
         self._aside = Path()
         self._written: list[str] = []
-        self._sources: set[str] = set()
-
-    def protect(self, sources: Iterable[Path]) -> None:
-        """Set files that must not be replaced."""
         self._sources = {os.path.realpath(source) for source in sources}
 
     def check(self, names: Iterable[str]) -> None:
@@ -95,20 +92,15 @@ class Folder:
         self.check(self._written)
         if not self.target.exists():
             self.target.parent.mkdir(parents=True, exist_ok=True)
-            self._aside.chmod(0o777 & ~_umask())
+            mask = os.umask(0)
+            os.umask(mask)
+            self._aside.chmod(0o777 & ~mask)
             self._aside.rename(self.target)
             return
         for name in self._written:
             path = self.target / name
             path.parent.mkdir(parents=True, exist_ok=True)
             (self._aside / name).replace(path)
-
-
-def _umask() -> int:
-    """Return the permission bits that new files don't get."""
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
 
 
 @contextmanager

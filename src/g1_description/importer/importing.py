@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import re
+import sys
+import time
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -56,23 +58,6 @@ def _is_bare(inertial: Inertial | None) -> bool:
     return inertial is None or inertial.mass == 0.0
 
 
-def write_zero_masses(root: etree._Element, links: list[str]) -> None:
-    """Write a mass of 0 for links."""
-    for link in root.findall("link"):
-        if link.get("name") not in links:
-            continue
-        inertial = etree.SubElement(link, "inertial")
-        etree.SubElement(inertial, "mass", value="0")
-        moments = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-        etree.SubElement(inertial, "inertia", dict.fromkeys(moments, "0"))
-        etree.indent(inertial, level=2)
-        link.text = link.text or "\n    "
-        before = inertial.getprevious()
-        if before is not None:
-            before.tail = "\n    "
-        inertial.tail = "\n  "
-
-
 _UNSAFE = re.compile(r"[^A-Za-z0-9._+-]+")
 
 
@@ -112,18 +97,14 @@ class FileNames:
         key = file, name
         if key not in self._given:
             safe = _UNSAFE.sub("_", name or file.name)
-            parent = self.of(file.parent)
-            self._given[key] = self._free(os.path.join(parent, safe), key)
+            path = os.path.join(self.of(file.parent), safe)
+            stem, suffix = os.path.splitext(path)
+            number = 1
+            while self._owners.setdefault(path, key) != key:
+                number += 1
+                path = f"{stem}_{number}{suffix}"
+            self._given[key] = path
         return self._given[key]
-
-    def _free(self, name: str, key: tuple[Path, str]) -> str:
-        """Append a number to a name that is already used."""
-        stem, suffix = os.path.splitext(name)
-        number = 1
-        while self._owners.setdefault(name, key) != key:
-            number += 1
-            name = f"{stem}_{number}{suffix}"
-        return name
 
 
 def mesh_prefix(folder: Path) -> tuple[str, str]:
@@ -155,6 +136,10 @@ def mesh_prefix(folder: Path) -> tuple[str, str]:
         "finds no package that contains it; `model:=` of the launch files resolves "
         "them."
     )
+
+
+PROGRESS_PERIOD = 2.0
+"""Time between two lines of progress, in [s]."""
 
 
 @dataclass
@@ -203,24 +188,29 @@ class Import:
         """Return the references of all robots."""
         return (ref for robot in self.robots for ref in robot.references)
 
-    def run(self, progress: Callable[[int, int], None]) -> None:
-        """Import all robots.
-
-        Args:
-            progress: Called with the number of finished meshes, and of all.
+    def run(self) -> None:
+        """Import all robots; report progress on stderr.
 
         Raises:
             OSError: If something cannot be written.
         """
-        total = sum(len(robot.references) for robot in self.robots)
-        done = 0
+        total = len([*self._references()])
+        done, reported = 0, time.monotonic()
         for robot in self.robots:
             for reference in robot.references:
                 self._settle(robot, reference)
                 done += 1
-                progress(done, total)
+                if time.monotonic() - reported > PROGRESS_PERIOD:
+                    reported = time.monotonic()
+                    print(f"import_model: {done} of {total} meshes", file=sys.stderr)
             _settle_masses(robot)
-            _settle_mujoco(robot)
+            for compiler in robot.root.iterfind("mujoco/compiler[@meshdir]"):
+                former = compiler.get("meshdir")
+                if former != "../meshes":
+                    robot.changes.append(
+                        f"MuJoCo's meshdir was changed from {former} to ../meshes."
+                    )
+                    compiler.set("meshdir", "../meshes")
             self.write(robot.name, robot.text())
 
     def _settle(self, robot: ImportedRobot, reference: Reference) -> None:
@@ -254,7 +244,11 @@ class Import:
         key = path, reference.is_collision and self.options.convex_collisions
         if key not in self._made:
             try:
-                mesh = self._make(path, reference)
+                if reference.is_mesh:
+                    use = reference.is_collision, self._scales[path]
+                    mesh = make_mesh(path, self._reader, *use, self.options)
+                else:
+                    mesh = MeshFile(path, data=read_bytes(path))
             except DescriptionError as error:
                 self._made[key] = error
                 return error
@@ -262,15 +256,6 @@ class Import:
             self._write_mesh(path, name, mesh)
             self._made[key] = name
         return self._made[key]
-
-    def _make(self, path: Path, reference: Reference) -> MeshFile:
-        """Make a mesh, or copy a texture."""
-        if not reference.is_mesh:
-            return MeshFile(path, data=read_bytes(path))
-        scale = self._scales[path]
-        return make_mesh(
-            path, self._reader, reference.is_collision, scale, self.options
-        )
 
     def _write_mesh(self, path: Path, name: str, mesh: MeshFile) -> None:
         """Write a mesh with its side files."""
@@ -289,7 +274,19 @@ def _settle_masses(robot: ImportedRobot) -> None:
     """Write known masses explicitly, and report unknown ones."""
     held, unknown = massless_links(robot.description)
     if held:
-        write_zero_masses(robot.root, held)
+        for link in robot.root.findall("link"):
+            if link.get("name") not in held:
+                continue
+            inertial = etree.SubElement(link, "inertial")
+            etree.SubElement(inertial, "mass", value="0")
+            moments = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+            etree.SubElement(inertial, "inertia", dict.fromkeys(moments, "0"))
+            etree.indent(inertial, level=2)
+            link.text = link.text or "\n    "
+            before = inertial.getprevious()
+            if before is not None:
+                before.tail = "\n    "
+            inertial.tail = "\n  "
         robot.changes.append(
             f"Massless links fixed to a body with mass got an explicit mass of 0: "
             f"{', '.join(held)}."
@@ -300,19 +297,8 @@ def _settle_masses(robot: ImportedRobot) -> None:
         for name in unknown
     ]
     faults = {
-        link.name: fault_of(link.inertial)
-        for link in robot.description.links
-        if link.inertial is not None
+        part.name: fault_of(part.inertial)
+        for part in robot.description.links
+        if part.inertial is not None
     }
     robot.findings += [f"Link {name}: {why}." for name, why in faults.items() if why]
-
-
-def _settle_mujoco(robot: ImportedRobot) -> None:
-    """Update the mesh folder in MuJoCo's extension, if there is one."""
-    for compiler in robot.root.iterfind("mujoco/compiler[@meshdir]"):
-        former = compiler.get("meshdir")
-        if former != "../meshes":
-            robot.changes.append(
-                f"MuJoCo's meshdir was changed from {former} to ../meshes."
-            )
-            compiler.set("meshdir", "../meshes")

@@ -50,7 +50,10 @@ def side_files_of(mesh: Path) -> tuple[dict[str, Path], list[str]]:
     while waiting:
         file, folder = waiting.pop()
         for name in _names_in(file):
-            relative = _existing(file.parent, name)
+            # A DAE writes spaces as %20; an MTL may have options before the name.
+            readings = (name, unquote(name), name.split()[-1])
+            known = (one for one in readings if (file.parent / one).is_file())
+            relative = next(known, None)
             if relative is None:
                 absent.append(name)
                 continue
@@ -83,17 +86,6 @@ def _names_in(file: Path) -> list[str]:
         ]
     local = (name for name in names if "://" not in name and not os.path.isabs(name))
     return list(dict.fromkeys(local))
-
-
-def _existing(folder: Path, name: str) -> str | None:
-    """Return the reading of a name that is an existing file.
-
-    A DAE writes spaces as %20; an MTL may have options before the name.
-    """
-    for reading in (name, unquote(name), name.split()[-1]):
-        if (folder / reading).is_file():
-            return reading
-    return None
 
 
 TOLERANCE = 0.002
@@ -196,10 +188,16 @@ def make_mesh(
         triangles = None
     else:
         parts = reader.read(path).parts
-        triangles = _corners(parts) if parts else read_stl(data)
+        corners = [part.corners for part in parts]  # none if it is sound and binary
+        triangles = np.concatenate(corners) if parts else read_stl(data)
         kept = MeshFile(path, data=data)
         if kind == ".stl":
-            data, changes = _as_stl(data, parts)
+            if parts:
+                is_text = not is_binary(data)
+                changes = ("text made binary" if is_text else "normals computed",)
+                data = write_stl(triangles)
+            else:
+                data, changes = clean_header(data)
             count = len(read_stl(data))
             kept = MeshFile(path, data=data, triangles=count, changes=changes)
     is_convex = is_collision and options.convex_collisions
@@ -227,24 +225,6 @@ def read_bytes(path: Path) -> bytes:
         return path.read_bytes()
     except OSError as error:
         raise DescriptionError(str(error.strerror)) from error
-
-
-def _corners(parts: tuple[shapes.Part, ...]) -> np.ndarray:
-    """Give the corners of all triangles of a mesh, shape (n, 3, 3)."""
-    return np.concatenate([part.corners for part in parts])
-
-
-def _as_stl(
-    data: bytes, parts: tuple[shapes.Part, ...]
-) -> tuple[bytes, tuple[str, ...]]:
-    """Convert to a binary STL that every reader recognises.
-
-    Parts are empty if the file is sound and binary.
-    """
-    if not parts:
-        return clean_header(data)
-    change = "normals computed" if is_binary(data) else "text made binary"
-    return write_stl(_corners(parts)), (change,)
 
 
 def _hull(
