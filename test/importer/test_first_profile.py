@@ -5,7 +5,7 @@ from conftest import REPOSITORY
 
 from g1_description.api import Robot
 from g1_description.importer.command import run
-from g1_description.importer.profile import _scalar, guessed_links
+from g1_description.importer.robot import _scalar, guessed_links
 from g1_description.robot.poses import read_file
 
 FIVE = REPOSITORY / "test" / "data" / "five_links.urdf"

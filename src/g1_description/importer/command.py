@@ -22,8 +22,7 @@ from g1_description.importer.meshes import (
     Options,
     millimetres,
 )
-from g1_description.importer.profile import first_profile
-from g1_description.importer.robot import ImportedRobot, open_robot
+from g1_description.importer.robot import ImportedRobot, first_profile, open_robot
 from g1_description.interrupts import ENDING_SIGNALS
 from g1_description.robot.load import ModelText, read_model
 from g1_description.robot.profile import FILE, user_folder
