@@ -163,7 +163,10 @@ def local_path(uri: str, package_folder: Callable[[str], str | None]) -> Path | 
         folder = package_folder(package)
         path = None if folder is None else Path(folder) / unquote(inside)
     elif scheme == "file":
-        path = _below_resources(unquote(rest))
+        path = Path(unquote(rest))
+        places = () if path.is_absolute() else resource_folders()
+        paths = (Path(place, path) for place in places)
+        path = next((one for one in paths if os.path.isfile(one)), path)
     elif os.path.isabs(uri):
         path = Path(uri)
     if path is None:
@@ -173,10 +176,3 @@ def local_path(uri: str, package_folder: Callable[[str], str | None]) -> Path | 
         return path if path.is_file() else None
     except OSError:  # such as a name that is too long
         return None
-
-
-def _below_resources(name: str) -> Path:
-    """Find a file below Gazebo's resource folders, unless it is absolute."""
-    places = () if os.path.isabs(name) else resource_folders()
-    paths = (Path(place, name) for place in places)
-    return next((path for path in paths if os.path.isfile(path)), Path(name))
