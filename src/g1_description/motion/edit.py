@@ -118,7 +118,8 @@ def joined(
 
 def _joined(before: Motion, after: Motion, blend: float, follows: bool) -> Motion:
     """Join two motions of the same joints."""
-    gap = _period(after) or _period(before) or SINGLE_TIME
+    periods = [m.duration / max(len(m.times) - 1, 1) for m in (after, before)]
+    gap = periods[0] or periods[1] or SINGLE_TIME
     begin = before.end - blend if blend else before.end + gap
     if follows and before.base_poses is not None:
         place = sample(before, begin).base_poses
@@ -148,11 +149,6 @@ def _joined(before: Motion, after: Motion, blend: float, follows: bool) -> Motio
         notes=(*dict.fromkeys((*before.notes, *after.notes)),),
         has_times=before.has_times and after.has_times,
     )
-
-
-def _period(motion: Motion) -> float:
-    """Return the average time between two samples, in [s]; 0 for a single one."""
-    return motion.duration / max(len(motion.times) - 1, 1)
 
 
 def _blended(before: Motion, after: Motion, blend: float) -> Motion:

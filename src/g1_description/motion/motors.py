@@ -151,22 +151,17 @@ def read_motors(file: Path) -> Motors:
         content = read_yaml(file) or {}
         if not isinstance(content, dict):
             raise MotorFileError("it must map patterns of joint names to numbers")
-        motors = {_pattern(key): _motor(key, content[key]) for key in content}
-        return Motors(motors)
+        return Motors({str(key): _motor(key, content[key]) for key in content})
     except (YamlError, MotorFileError) as error:
         raise MotorFileError(f"The file of motors {file}: {error}.") from error
 
 
-def _pattern(key: object) -> str:
-    """Check the pattern of an entry."""
-    try:
-        return re.compile(str(key)).pattern
-    except re.error as error:
-        raise MotorFileError(f"'{key}' is not a regular expression: {error}") from error
-
-
 def _motor(key: object, value: object) -> Motor:
     """Read an entry."""
+    try:
+        re.compile(str(key))
+    except re.error as error:
+        raise MotorFileError(f"'{key}' is not a regular expression: {error}") from error
     if not isinstance(value, dict):
         names = [field.name for kind in KINDS.values() for field in fields(kind)]
         raise MotorFileError(

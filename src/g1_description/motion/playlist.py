@@ -91,16 +91,13 @@ class Playback:
         """
         self.has_begun = True
         elapsed = max(0.0, self._elapsed(time_ns))
-        if elapsed < self._motion.times[0]:
-            self._prepend(elapsed, present)
-
-    def _prepend(self, time: float, present: Setpoint) -> None:
-        """Insert the robot's state before the first sample."""
         old = self._motion
+        if elapsed >= old.times[0]:
+            return
         positions, velocities = old.positions[0].copy(), np.zeros(len(old.joint_names))
         positions[self._columns] = present.positions[self.rows]
         velocities[self._columns] = present.velocities[self.rows]
-        added: dict[str, Any] = {"times": np.append(time, old.times)}
+        added: dict[str, Any] = {"times": np.append(elapsed, old.times)}
         added["positions"] = np.vstack([positions, old.positions])
         if old.velocities is not None:
             added["velocities"] = np.vstack([velocities, old.velocities])
@@ -180,8 +177,12 @@ class Playlist:
             motion: The motion; unknown joints are ignored.
             start_ns: Time zero of the motion, in [ns].
         """
-        if motion.joint_names != self._names:
-            self._find(motion.joint_names)
+        names = motion.joint_names
+        if names != self._names:
+            own = [column for column, name in enumerate(names) if name in self._row_of]
+            self._columns = np.array(own, dtype=int)
+            self._rows = np.array([self._row_of[names[n]] for n in own], dtype=int)
+            self._names = names
         playback = Playback(motion, start_ns, self._columns, self._rows)
         later = [
             one
@@ -191,13 +192,6 @@ class Playlist:
         self._release(later, playback.rows, playback.moves_base)
         self._playbacks.append(playback)
         return playback
-
-    def _find(self, names: tuple[str, ...]) -> None:
-        """Find the robot's joints in a motion."""
-        own = [column for column, name in enumerate(names) if name in self._row_of]
-        self._columns = np.array(own, dtype=int)
-        self._rows = np.array([self._row_of[names[n]] for n in own], dtype=int)
-        self._names = names
 
     def release(self, rows: Collection[int] = (), base: bool = False) -> None:
         """Release joints, given by rows, and optionally the base."""

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -22,17 +21,15 @@ from g1_description.text import listed
 NUMBERS = ("goal_time", "stopped_velocity_tolerance")
 OF_A_JOINT = ("trajectory", "goal")
 
-NOTHING: Mapping[str, float] = MappingProxyType({})
-
 
 @dataclass(frozen=True)
 class Constraints:
     """Tolerances of a controller; zero means no tolerance."""
 
-    trajectory: Mapping[str, float] = field(default_factory=lambda: NOTHING)
+    trajectory: Mapping[str, float] = field(default_factory=dict)
     """Largest position error during the motion, in [rad] or [m], by joint."""
 
-    goal: Mapping[str, float] = field(default_factory=lambda: NOTHING)
+    goal: Mapping[str, float] = field(default_factory=dict)
     """Largest position error at the end, in [rad] or [m], by joint."""
 
     goal_time: float = 1.0
@@ -97,19 +94,15 @@ def read_constraints(found: Any, joints: Sequence[str]) -> Constraints:
     numbers = {key: _number(found[key], key) for key in NUMBERS if key in found}
     of_joints: dict[str, dict[str, float]] = {key: {} for key in OF_A_JOINT}
     for joint in joints:
-        for key, value in _joint_constraints(found.get(joint, {}), joint).items():
-            of_joints[key][joint] = value
+        own = found.get(joint, {})
+        if not isinstance(own, dict) or not {*own} <= {*OF_A_JOINT}:
+            raise InvalidValueError(
+                f"constraints of {joint} must have only {listed(OF_A_JOINT)} (got "
+                f"{own!r})"
+            )
+        for key, value in own.items():
+            of_joints[key][joint] = _number(value, f"{joint}/{key}")
     return Constraints(of_joints["trajectory"], of_joints["goal"], **numbers)
-
-
-def _joint_constraints(found: Any, joint: str) -> dict[str, float]:
-    """Read the constraints of one joint."""
-    if not isinstance(found, dict) or not {*found} <= {*OF_A_JOINT}:
-        raise InvalidValueError(
-            f"constraints of {joint} must have only {listed(OF_A_JOINT)} (got "
-            f"{found!r})"
-        )
-    return {key: _number(value, f"{joint}/{key}") for key, value in found.items()}
 
 
 def _number(value: Any, label: str) -> float:
@@ -143,17 +136,14 @@ def tolerances_of_goal(
     Raises:
         InvalidValueError: If a number is NaN.
     """
-    n_joints = len(joint_names)
-    default_path = np.zeros((2, n_joints))
-    default_goal = np.zeros((2, n_joints))
+    default_path, default_goal = np.zeros((2, 2, len(joint_names)))
     default_path[0] = [constraints.trajectory.get(name, 0.0) for name in joint_names]
     default_goal[0] = [constraints.goal.get(name, 0.0) for name in joint_names]
     default_goal[1] = constraints.stopped_velocity_tolerance
-    time = _chosen(constraints.goal_time, goal_time, "goal_time_tolerance")
     return Tolerances(
         _applied(joint_names, default_path, path),
         _applied(joint_names, default_goal, goal),
-        time,
+        _chosen(constraints.goal_time, goal_time, "goal_time_tolerance"),
     )
 
 
