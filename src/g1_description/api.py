@@ -21,10 +21,10 @@ from g1_description.errors import (
 )
 from g1_description.files.atomic import write_whole
 from g1_description.former import former, former_arguments
+from g1_description.motion.edit import mirrored
 from g1_description.motion.files.conventions import JOINT_ORDERS
 from g1_description.motion.files.formats import read_motion, write_motion
 from g1_description.motion.files.source import ReadOptions
-from g1_description.motion.mirror import mirrored
 from g1_description.motion.motion import Motion, fitted
 from g1_description.motion.motors import motors_of, named_motors
 from g1_description.motion.paths import motion_path

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from g1_description import Robot
 from g1_description.errors import MotionError
-from g1_description.motion.mirror import mirrored
+from g1_description.motion.edit import mirrored
 from g1_description.robot.urdf import parse_urdf
 
 

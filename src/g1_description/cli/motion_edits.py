@@ -15,6 +15,7 @@ from g1_description.errors import InvalidValueError, UnknownNameError
 from g1_description.motion.edit import (
     highest_speed,
     joined,
+    mirrored,
 )
 from g1_description.motion.files.conventions import (
     ASAP_JOINTS,
@@ -23,7 +24,6 @@ from g1_description.motion.files.conventions import (
     JOINT_ORDERS,
     breadth_first,
 )
-from g1_description.motion.mirror import mirrored
 from g1_description.motion.motion import Motion, fitted
 from g1_description.robot.description import Description
 from g1_description.robot.poses import check_pose, find_pose, pose_positions, read_poses

@@ -16,8 +16,7 @@ from g1_description.ik.inverse_kinematics import (
     InverseKinematics,
 )
 from g1_description.ik.search import last
-from g1_description.motion.edit import projected
-from g1_description.motion.mirror import mirrored
+from g1_description.motion.edit import mirrored, projected
 from g1_description.motion.motion import Motion, configuration
 from g1_description.robot.assembly import WORLD, root_in_base
 from g1_description.robot.description import Description

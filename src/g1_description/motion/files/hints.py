@@ -9,6 +9,7 @@ from typing import Dict, Tuple
 
 import numpy as np
 
+from g1_description.motion.edit import other_side
 from g1_description.motion.files.conventions import (
     MAX_TILT,
     SAME_TILT,
@@ -19,7 +20,6 @@ from g1_description.motion.files.conventions import (
     tilt,
     tilt_on_floor,
 )
-from g1_description.motion.mirror import other_side
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.robot.rotation import rotate
