@@ -234,7 +234,8 @@ def _publishers(joints: Collection[Connection], rows: Sequence[_Row]) -> list[st
     """Report several publishers of the same joints."""
     orders = {tuple(names) for _, _, names, *_ in rows}
     senders = {getattr(connection.ext, "callerid", None) for connection in joints}
-    is_shared = len(orders) == 1 or _overlap(orders)
+    every = [name for names in orders for name in names]
+    is_shared = len(orders) == 1 or len({*every}) < len(every)
     several = max(len(senders), len(orders)) if is_shared else 1
     if several == 1:
         return []
@@ -243,12 +244,6 @@ def _publishers(joints: Collection[Connection], rows: Sequence[_Row]) -> list[st
         f"Samples of {several} publishers{f', {known},' if known else ''} are joined "
         "by their stamps: the joints jump where these differ."
     ]
-
-
-def _overlap(orders: Collection[tuple[str, ...]]) -> bool:
-    """Return whether any joint is in several lists of names."""
-    every = [name for names in orders for name in names]
-    return len({*every}) < len(every)
 
 
 def _chosen(bag: Reader, topics: Collection[str], name: str | None) -> str:
@@ -355,19 +350,14 @@ def _table(
         positions[row, which] = given
         if len(rates) == len(which):
             velocities[row, which] = rates
-    is_whole = np.isfinite(velocities).all()
-    return tuple(columns), _filled(positions), velocities if is_whole else None
-
-
-def _filled(positions: np.ndarray) -> np.ndarray:
-    """Replace values that are not finite by the previous, else the next ones."""
     for turned in (positions, positions[::-1]):
         known = np.isfinite(turned)
         if not known.all():
-            rows = np.where(known, np.arange(len(turned))[:, np.newaxis], 0)
-            np.maximum.accumulate(rows, axis=0, out=rows)
-            turned[:] = turned[rows, np.arange(turned.shape[1])]
-    return positions
+            last = np.where(known, np.arange(len(turned))[:, np.newaxis], 0)
+            np.maximum.accumulate(last, axis=0, out=last)
+            turned[:] = turned[last, np.arange(turned.shape[1])]
+    is_whole = np.isfinite(velocities).all()
+    return tuple(columns), positions, velocities if is_whole else None
 
 
 def _ordered(stamps: np.ndarray, label: str) -> tuple[np.ndarray, list[str]]:
@@ -463,7 +453,10 @@ def _base(bag: Reader, joints: str, robot: Description, has_stamps: bool) -> _Pa
             if child == frame and posixpath.basename(parent) not in own
         ]
         if parents:
-            parent = min(parents, key=_rank)
+            ranks = {name: rank for rank, name in enumerate(PARENTS)}
+            parent = min(
+                parents, key=lambda p: ranks.get(posixpath.basename(p), len(ranks))
+            )
             path = edges[parent, frame]
             if frame.endswith(BASE_FRAME):  # the root may be next to it
                 of_root = frame[: -len(BASE_FRAME)] + root
@@ -474,12 +467,6 @@ def _base(bag: Reader, joints: str, robot: Description, has_stamps: bool) -> _Pa
                         path = list(zip(stamps, times, placed))
             return f"/tf ({parent} to {frame})", path
     return _odometry(bag, namespace, has_stamps)
-
-
-def _rank(parent: str) -> int:
-    """Rank a parent frame of the base; less is better."""
-    name = posixpath.basename(parent)
-    return PARENTS.index(name) if name in PARENTS else len(PARENTS)
 
 
 def _edges(

@@ -154,18 +154,26 @@ def write(
     if motion.base_poses is None:
         raise MotionError(NO_BASE)
     evenly, fps, notes = even(motion, rate)
-    poses, twists = bodies(evenly, robot)
-    arrays = {
-        "fps": np.array([fps]),
-        "joint_pos": evenly.positions,
-        "joint_vel": evenly.velocities,
+    arrays = _arrays(evenly, robot)
+    for name in ("body_lin_vel_w", "body_ang_vel_w"):
+        arrays[name] = arrays[name].astype(np.float32)
+    if evenly.velocities is None:
+        del arrays["joint_vel"]
+    names = np.array(evenly.joint_names, dtype=str)
+    return npz({"fps": np.array([fps]), **arrays, "joint_names": names}), notes
+
+
+def _arrays(motion: Motion, robot: Description) -> dict[str, np.ndarray]:
+    """Return joints, bodies and their velocities."""
+    poses, twists = bodies(motion, robot)
+    return {
+        "joint_pos": motion.positions,
+        "joint_vel": velocities_of(motion),
         "body_pos_w": poses[..., :3],
         "body_quat_w": poses[..., [6, 3, 4, 5]],
-        "body_lin_vel_w": twists[..., :3].astype(np.float32),
-        "body_ang_vel_w": twists[..., 3:].astype(np.float32),
-        "joint_names": np.array(evenly.joint_names, dtype=str),
+        "body_lin_vel_w": twists[..., :3],
+        "body_ang_vel_w": twists[..., 3:],
     }
-    return npz({n: a for n, a in arrays.items() if a is not None}), notes
 
 
 def write_mjlab(
@@ -201,16 +209,8 @@ def _for_training(
             f"The file has {fps:g} Hz. Training plays a sample per control step, "
             f"usually at {CONTROL_RATE:g} Hz: resample the motion first.",
         )
-    poses, twists = bodies(motion, robot)
-    arrays = {
-        "joint_pos": motion.positions,
-        "joint_vel": velocities_of(motion),
-        "body_pos_w": poses[..., :3],
-        "body_quat_w": poses[..., [6, 3, 4, 5]],
-        "body_lin_vel_w": twists[..., :3],
-        "body_ang_vel_w": twists[..., 3:],
-    }
-    content = {name: array.astype(np.float32) for name, array in arrays.items()}
+    arrays = _arrays(motion, robot).items()
+    content = {name: array.astype(np.float32) for name, array in arrays}
     return npz({"fps": np.array([number(fps)]), **content}), notes
 
 

@@ -36,14 +36,8 @@ N_COMPARED = 5
 MAX_OTHERS = 20
 """Most bodies without names beside the robot's."""
 
-KEYS = (
-    ("body_pos_w", "body_names"),
-    ("body_positions", "body_names"),
-    ("rigid_body_pos", "body_names"),
-    ("body_pos", "body_names"),
-    ("xpos", "body_names"),
-)
-"""Arrays of places of bodies, and of their names."""
+KEYS = ("body_pos_w", "body_positions", "rigid_body_pos", "body_pos", "xpos")
+"""Arrays of places of bodies."""
 
 ORDER_FITS = "Base quaternions are read as {}: only then do the bodies in the file fit."
 
@@ -249,13 +243,11 @@ def links_of(robot: Description, names: Sequence[str]) -> list[str]:
 
 def bodies_in(arrays: Arrays, n_samples: int) -> Bodies | None:
     """Return the bodies that a file has beside its base; None: it has none."""
-    for key, names in KEYS:
-        if key not in arrays:
+    for key in KEYS:
+        shape = np.shape(arrays[key]) if key in arrays else ()
+        if shape[:1] + shape[2:] != (n_samples, 3):
             continue
-        places = arrays[key]
-        if np.shape(places)[:1] + np.shape(places)[2:] != (n_samples, 3):
-            continue
-        links = arrays.names(names) if names in arrays else None
-        if links is None or len(links) == np.shape(places)[1]:
+        links = arrays.names("body_names") if "body_names" in arrays else None
+        if links is None or len(links) == shape[1]:
             return Bodies(arrays.numbers(key, n_samples, None, 3), None, links)
     return None

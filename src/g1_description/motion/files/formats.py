@@ -148,43 +148,31 @@ def _read(source: MotionSource, own: Format, robot: Description, fits: bool) -> 
     """Read a motion in a format."""
     if source.name is not None and not own.names(source):
         raise MotionError("The file has no motions with names.")
-    file = source.path.name if source.is_folder else source.path.stem
+    options = source.options
     source.is_settled = False
     motion = own.read(source, robot)
     if not motion.has_times:
         motion = source.timed(motion, own.assumed_rate, own.rate_of)
-    motion = replace(
-        motion, name=source.name or file, velocities=known_velocities(motion)
-    )
+    motion = replace(motion, velocities=known_velocities(motion))
     motion = with_endings(motion, robot)
-    motion = replace(
-        motion, notes=(*motion.notes, *_ignored(source, own, motion, robot))
-    )
-    if source.options.rate is not None and motion.has_times:
-        ignored = f"the rate of {source.options.rate:g} Hz is ignored"
-        notes = (*motion.notes, f"The file has its own times: {ignored}.")
-        motion = replace(motion, notes=notes)
+    names, notes = motion.joint_names, [*motion.notes]
+    if options.order is not None and own.order is None:
+        notes.append("The file has no quaternions in an order: --order is ignored.")
+    if options.joint_order == ISAAC_LAB and names != breadth_first(robot, names):
+        notes.append("The file names its joints: --input-joint-order is ignored.")
+    if options.rate is not None and motion.has_times:
+        ignored = f"the rate of {options.rate:g} Hz is ignored"
+        notes.append(f"The file has its own times: {ignored}.")
+    file = source.path.name if source.is_folder else source.path.stem
+    motion = replace(motion, name=source.name or file, notes=tuple(notes))
     motion = fitted(motion, robot) if fits else motion
     if own is not bag.FORMAT:  # ROS uses radians
         check_radians(motion, robot)
-        is_open = source.options.order is None and not source.is_settled
+        is_open = options.order is None and not source.is_settled
         agreed = None if own.order == OPEN or not is_open else own.order
         found = hints(motion, robot, agreed, is_open)
         motion = replace(motion, notes=(*motion.notes, *found))
     return motion
-
-
-def _ignored(
-    source: MotionSource, own: Format, motion: Motion, robot: Description
-) -> Sequence[str]:
-    """Tell which options the file leaves no choice for."""
-    found = []
-    if source.options.order is not None and own.order is None:
-        found.append("The file has no quaternions in an order: --order is ignored.")
-    names = motion.joint_names
-    if source.options.joint_order == ISAAC_LAB and names != breadth_first(robot, names):
-        found.append("The file names its joints: --input-joint-order is ignored.")
-    return found
 
 
 def motion_names(path: Path) -> Sequence[str]:

@@ -42,10 +42,6 @@ N_BASE = 6
 """Columns of the base, and of its velocities."""
 
 
-def _is_mimickit(source: MotionSource) -> bool:
-    return {*MIMICKIT.arrays} <= {*source.arrays}
-
-
 def _read_mimickit(source: MotionSource, robot: Description) -> Motion:
     """Read MimicKit's pickle."""
     frames = rows_of(source.arrays["frames"], "frames")
@@ -56,10 +52,6 @@ def _read_mimickit(source: MotionSource, robot: Description) -> Motion:
     times = np.arange(float(len(frames)))
     motion = Motion(times, names, frames[:, N_BASE:], None, base, notes)
     return source.arrays.timed(motion)
-
-
-def _is_amp_text(source: MotionSource) -> bool:
-    return source.text is not None and '"FrameDuration"' in source.text[:BEGIN]
 
 
 def _read_amp_text(source: MotionSource, robot: Description) -> Motion:
@@ -135,11 +127,16 @@ def _length(row: Any) -> int:
 
 MIMICKIT = Format(
     "mimickit",
-    _is_mimickit,
+    lambda source: {"frames", "loop_mode", "fps"} <= {*source.arrays},
     _read_mimickit,
     endings=(".pkl", ".pickle"),
     arrays=("frames", "loop_mode", "fps"),
 )
 
 # No endings, as most text in folders is no motion: such files are to be named.
-AMP_TEXT = Format("amp_text", _is_amp_text, _read_amp_text, is_text=True)
+AMP_TEXT = Format(
+    "amp_text",
+    lambda source: '"FrameDuration"' in (source.text or "")[:BEGIN],
+    _read_amp_text,
+    is_text=True,
+)

@@ -72,8 +72,15 @@ def read(source: MotionSource, robot: Description) -> Motion:
     }
     n_samples = len(next(iter(tables.values())))
     for name, values in tables.items():
-        width = {JOINTS: N_JOINTS, SPEEDS: N_JOINTS}.get(name)
-        _check(name, values, n_samples, width)
+        if len(values) != n_samples:
+            raise MotionError(
+                f"{name} has {len(values)} rows, but other tables have {n_samples}."
+            )
+        if name in (JOINTS, SPEEDS) and values.shape[1] != N_JOINTS:
+            raise MotionError(
+                f"{name} has {values.shape[1]} columns; expected those of {N_JOINTS} "
+                "joints."
+            )
     joints = isaac_joints(source) if JOINTS in tables else ()
     positions = tables.get(JOINTS, np.empty((n_samples, 0)))
     base, notes = _base(source, robot, tables, positions, joints)
@@ -88,18 +95,6 @@ def _table(path: Path) -> np.ndarray:
         return table.headed(MotionSource(path))[1]
     except MotionError as error:
         raise MotionError(f"{path.name}: {error}") from error
-
-
-def _check(name: str, values: np.ndarray, n_samples: int, width: int | None) -> None:
-    """Check the size of a table."""
-    if len(values) != n_samples:
-        raise MotionError(
-            f"{name} has {len(values)} rows, but other tables have {n_samples}."
-        )
-    if width is not None and values.shape[1] != width:
-        raise MotionError(
-            f"{name} has {values.shape[1]} columns; expected those of {width} joints."
-        )
 
 
 def _base(

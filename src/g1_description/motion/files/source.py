@@ -25,7 +25,7 @@ from g1_description.motion.files.arrays import (
     npy_arrays,
 )
 from g1_description.motion.files.pickles import PICKLE, read_pickle
-from g1_description.motion.files.torch_files import is_torch, read_torch
+from g1_description.motion.files.torch_files import PICKLE_NAME, read_torch
 from g1_description.motion.motion import Motion
 from g1_description.motion.paths import absent, rate_in, split
 from g1_description.text import MAX_NAME, listed
@@ -194,7 +194,7 @@ class MotionSource:
             is_zip = content.startswith(ZIP)
             if is_zip and content.count(ZIP_MEMBER) > MAX_MEMBERS:
                 raise MotionError(f"The zip has more than {MAX_MEMBERS} files.")
-            if is_zip and is_torch(content):
+            if is_zip and PICKLE_NAME.encode() in content:
                 return Arrays(read_torch(content))
             if is_zip and b".npy" in content:
                 return NpzArrays(np.load(io.BytesIO(content), allow_pickle=False))
@@ -226,11 +226,6 @@ class MotionSource:
             f"The file has several motions: {listed(names)}. Choose one, such as "
             f"'{self.path.name}#{names[0][:MAX_NAME]}' (check and motion: --all)."
         )
-
-    @property
-    def known_rate(self) -> float | None:
-        """The rate that the user or the name of the file gives, in [Hz]; None: none."""
-        return self.options.rate or rate_in(self.path)
 
     def timed(self, motion: Motion, usual: float | None, why: str) -> Motion:
         """Give times to the samples of a file without a rate.

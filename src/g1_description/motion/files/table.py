@@ -30,6 +30,7 @@ from g1_description.motion.files.format import OPEN, Format, Writer
 from g1_description.motion.files.source import MotionSource
 from g1_description.motion.files.writing import prepared
 from g1_description.motion.motion import Motion
+from g1_description.motion.paths import rate_in
 from g1_description.robot.description import Description
 from g1_description.text import listed
 
@@ -223,7 +224,7 @@ def _headed(
     has_velocities = any(name.endswith(VELOCITY) for name in names)
     own = {joint.name for joint in robot.movable_joints}
     is_untimed = TIME not in names and bool(own & {*joints})
-    has_rate = is_untimed and source.known_rate is not None
+    has_rate = is_untimed and bool(source.options.rate or rate_in(source.path))
     timing = () if has_rate else (TIME,)
     needed = [*timing, *(BASE if base else ()), *(velocities if has_velocities else ())]
     missing = [name for name in needed if name not in names]

@@ -18,6 +18,7 @@ from g1_description.errors import MotionError
 from g1_description.motion.files.pickles import Unpickler, read_pickle
 
 PICKLE_NAME = "/data.pkl"
+"""Member by which a zip of torch.save is recognised."""
 
 STORAGES = {
     "Float": "<f4",
@@ -33,11 +34,6 @@ STORAGES = {
 """Types of numbers by the names of torch's storages."""
 
 MAX_AXES = 32
-
-
-def is_torch(content: bytes) -> bool:
-    """Return whether a zip was written by torch.save."""
-    return PICKLE_NAME.encode() in content
 
 
 def read_torch(content: bytes) -> dict[str, Any]:

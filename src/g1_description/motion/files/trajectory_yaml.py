@@ -122,7 +122,15 @@ def _built(events: Iterator[Any]) -> Any:
     for event in events:
         if isinstance(event, DocumentEndEvent):
             break
-        _check_event(event, len(outer))
+        line = event.start_mark.line + 1
+        if isinstance(event, AliasEvent) or getattr(event, "anchor", None):
+            raise MotionError(
+                f"Line {line} has an anchor or alias, which is not allowed."
+            )
+        if getattr(event, "tag", None):
+            raise MotionError(f"Line {line} has a tag, which is not allowed.")
+        if len(outer) > MAX_DEPTH:
+            raise MotionError(f"Line {line} is nested {len(outer)} levels deep.")
         if isinstance(event, ScalarEvent):
             parts.append(event.value)
         elif isinstance(event, (MappingStartEvent, SequenceStartEvent)):
@@ -134,17 +142,6 @@ def _built(events: Iterator[Any]) -> Any:
             parts = outer.pop()
             parts.append(found)
     return parts[0] if parts else None
-
-
-def _check_event(event: Any, depth: int) -> None:
-    """Check that an event can be part of a message."""
-    line = event.start_mark.line + 1
-    if isinstance(event, AliasEvent) or getattr(event, "anchor", None):
-        raise MotionError(f"Line {line} has an anchor or alias, which is not allowed.")
-    if getattr(event, "tag", None):
-        raise MotionError(f"Line {line} has a tag, which is not allowed.")
-    if depth > MAX_DEPTH:
-        raise MotionError(f"Line {line} is nested {depth} levels deep.")
 
 
 def _dictionary(parts: list[Any], event: Any) -> dict[str, Any]:
