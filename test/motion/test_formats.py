@@ -28,9 +28,8 @@ from g1_description.motion.files.formats import (
     read_source,
     write_motion,
 )
-from g1_description.motion.files.pickles import read_pickle
+from g1_description.motion.files.pickles import read_pickle, read_torch
 from g1_description.motion.files.source import MotionSource, ReadOptions
-from g1_description.motion.files.torch_files import read_torch
 from g1_description.motion.motion import Motion
 from g1_description.robot.load import read_model
 

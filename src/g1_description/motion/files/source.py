@@ -24,8 +24,12 @@ from g1_description.motion.files.arrays import (
     damaged,
     npy_arrays,
 )
-from g1_description.motion.files.pickles import PICKLE, read_pickle
-from g1_description.motion.files.torch_files import PICKLE_NAME, read_torch
+from g1_description.motion.files.pickles import (
+    PICKLE,
+    PICKLE_NAME,
+    read_pickle,
+    read_torch,
+)
 from g1_description.motion.motion import Motion
 from g1_description.motion.paths import absent, rate_in, split
 from g1_description.text import MAX_NAME, listed
