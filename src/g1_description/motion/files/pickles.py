@@ -1,4 +1,4 @@
-"""Pickles of motions, also joblib's, read without running code in them, and written.
+"""Pickles of motions, also joblib's and torch's, read without running their code.
 
 A pickle is a program. Only the names that today's writers need are resolved, to
 replacements, and only numbers, text, plain containers and numpy's arrays of these come
@@ -8,6 +8,9 @@ out. Traps:
   files are no valid pickles. They may be compressed as a whole.
 - Protocol 2 encodes bytes as text.
 - numpy 2 renamed its core to ``numpy._core``, which numpy 1 cannot open.
+- A file of torch.save is a zip of ``NAME/data.pkl``, a pickle of protocol 2, and
+  ``NAME/data/KEY``, the numbers of each storage. A tensor is a view of a storage, by
+  offset and strides, so it may be a few of its columns.
 """
 
 from __future__ import annotations
@@ -245,7 +248,7 @@ def read_torch(content: bytes) -> dict[str, Any]:
         folder = names[0][: -len(PICKLE_NAME)]
         storages = _Storages(archive, folder, len(content))
         data = storages.member("data.pkl")
-        return read_pickle(data, lambda data: _Unpickler(data, storages))
+        return read_pickle(data, lambda data: TorchUnpickler(data, storages))
 
 
 class _Storages:
@@ -271,7 +274,7 @@ class _Storages:
         return self._known[key]
 
 
-class _Unpickler(Unpickler):
+class TorchUnpickler(Unpickler):
     """Also resolves tensors."""
 
     def __init__(self, data: bytes, storages: _Storages) -> None:
