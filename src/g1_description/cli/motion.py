@@ -49,6 +49,7 @@ from g1_description.errors import (
 from g1_description.files.atomic import write_whole
 from g1_description.interrupts import uninterrupted
 from g1_description.motion.edit import base_speed, joint_speeds
+from g1_description.motion.files.format import ONLY
 from g1_description.motion.files.formats import (
     check_size,
     contents,
@@ -56,7 +57,6 @@ from g1_description.motion.files.formats import (
     read_source,
 )
 from g1_description.motion.files.source import MotionSource, ReadOptions
-from g1_description.motion.files.writing import ONLY
 from g1_description.motion.motion import Motion
 from g1_description.motion.paths import split
 from g1_description.motion.selection import Selection

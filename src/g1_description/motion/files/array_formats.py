@@ -411,8 +411,8 @@ MIMICKIT = Format(
 )
 
 # TienKung's JSON of frames, often .txt: x y z, Euler angles about the moving axes x, y,
-# z, the joints, and the velocities of all these. Other programs put quaternions and feet
-# into Frames: such rows do not fit a robot and are refused. No endings, as most text in
+# z, the joints, and the velocities of all these. Others put quaternions and feet into
+# Frames: such rows do not fit a robot and are refused. No endings, as most text in
 # folders is no motion: such files are to be named.
 AMP_TEXT = Format(
     "amp_text",

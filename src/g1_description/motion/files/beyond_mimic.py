@@ -25,9 +25,9 @@ from g1_description.motion.files.conventions import (
     layouts,
     names_of_columns,
 )
-from g1_description.motion.files.format import Format, Writer
-from g1_description.motion.files.source import MotionSource
-from g1_description.motion.files.writing import (
+from g1_description.motion.files.format import (
+    Format,
+    Writer,
     bodies,
     even,
     npz,
@@ -36,6 +36,7 @@ from g1_description.motion.files.writing import (
     usual_joints,
     velocities_of,
 )
+from g1_description.motion.files.source import MotionSource
 from g1_description.motion.motion import MAX_SAMPLES, Motion
 from g1_description.robot.description import Description
 from g1_description.text import MAX_NAME
@@ -181,7 +182,7 @@ def write_mjlab(
 ) -> tuple[bytes, tuple[str, ...]]:
     """Write the npz from which mjlab trains: joints in MuJoCo's order.
 
-    Arguments and errors are those of ``writing.prepared``.
+    Arguments and errors are those of ``format.prepared``.
 
     Returns:
         The file's content, and messages on differences from the motion.

@@ -15,9 +15,8 @@ import numpy as np
 
 from g1_description.errors import MotionError
 from g1_description.motion.files import table
-from g1_description.motion.files.format import Format, Writer
+from g1_description.motion.files.format import Format, Writer, prepared
 from g1_description.motion.files.source import MotionSource
-from g1_description.motion.files.writing import prepared
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.robot.rotation import axes_to_rpy, from_rpy, to_axes
@@ -92,7 +91,7 @@ def write(
 ) -> tuple[bytes, tuple[str, ...]]:
     """Write a motion of all joints of the robot.
 
-    Arguments and errors are those of ``writing.prepared``.
+    Arguments and errors are those of ``format.prepared``.
 
     Returns:
         The file's content, and messages on differences from the motion.

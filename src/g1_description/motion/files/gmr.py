@@ -18,9 +18,8 @@ from g1_description.motion.files.array_formats import Keys, array_format
 from g1_description.motion.files.conventions import (
     of_robot,
 )
-from g1_description.motion.files.format import OPEN, Writer
+from g1_description.motion.files.format import BATCH, OPEN, Writer, number, prepared
 from g1_description.motion.files.pickles import pickled
-from g1_description.motion.files.writing import BATCH, number, prepared
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.robot.kinematics import Kinematics
@@ -44,7 +43,7 @@ def write(
 ) -> tuple[bytes, tuple[str, ...]]:
     """Write a pickle for GMR, TWIST and GMT, with the places of all links.
 
-    Arguments and errors are those of ``writing.prepared``.
+    Arguments and errors are those of ``format.prepared``.
 
     Returns:
         The file's content, and messages on differences from the motion.

@@ -17,9 +17,15 @@ import numpy as np
 
 from g1_description.motion.files.array_formats import Keys, read_arrays
 from g1_description.motion.files.arrays import Arrays
-from g1_description.motion.files.format import Format, Writer
+from g1_description.motion.files.format import (
+    Format,
+    Writer,
+    bodies,
+    npz,
+    prepared,
+    velocities_of,
+)
 from g1_description.motion.files.source import MotionSource, parsed
-from g1_description.motion.files.writing import bodies, npz, prepared, velocities_of
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 
@@ -71,7 +77,7 @@ def write(
 ) -> tuple[bytes, tuple[str, ...]]:
     """Write a reference as float32, with all bodies.
 
-    Arguments and errors are those of ``writing.prepared``.
+    Arguments and errors are those of ``format.prepared``.
 
     Returns:
         The file's content, and messages on differences from the motion.

@@ -22,11 +22,10 @@ import numpy as np
 from g1_description.motion.files.array_formats import Keys, read_arrays
 from g1_description.motion.files.arrays import Arrays
 from g1_description.motion.files.conventions import ASAP_JOINTS, layouts
-from g1_description.motion.files.format import OPEN, Format, Writer
+from g1_description.motion.files.format import OPEN, Format, Writer, number, prepared
 from g1_description.motion.files.gmr import WITHOUT_VELOCITIES
 from g1_description.motion.files.pickles import pickled, read_pickle
 from g1_description.motion.files.source import MotionSource
-from g1_description.motion.files.writing import number, prepared
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.robot.rotation import from_rotation_vector, to_rotation_vector
@@ -139,7 +138,7 @@ def write(
 ) -> tuple[bytes, tuple[str, ...]]:
     """Write a library of one motion; float32, as upstream's.
 
-    Arguments and errors are those of ``writing.prepared``.
+    Arguments and errors are those of ``format.prepared``.
 
     Returns:
         The file's content, and messages on differences from the motion.

@@ -28,9 +28,8 @@ from g1_description.motion.files.conventions import (
     layouts,
     names_of_columns,
 )
-from g1_description.motion.files.format import Format, Writer
+from g1_description.motion.files.format import Format, Writer, npz, number, prepared
 from g1_description.motion.files.source import MotionSource, parsed
-from g1_description.motion.files.writing import npz, number, prepared
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 
@@ -229,7 +228,7 @@ def write(
 ) -> tuple[bytes, tuple[str, ...]]:
     """Write ``qpos`` in MuJoCo's order, with ``fps`` and ``joint_names``.
 
-    Arguments and errors are those of ``writing.prepared``.
+    Arguments and errors are those of ``format.prepared``.
 
     Returns:
         The file's content, and messages on differences from the motion.

@@ -25,9 +25,14 @@ from g1_description.motion.files.conventions import (
     base_of,
     isaac_joints,
 )
-from g1_description.motion.files.format import Format, Writer
+from g1_description.motion.files.format import (
+    Format,
+    Writer,
+    bodies,
+    prepared,
+    velocities_of,
+)
 from g1_description.motion.files.source import MotionSource
-from g1_description.motion.files.writing import bodies, prepared, velocities_of
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 

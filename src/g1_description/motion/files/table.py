@@ -26,9 +26,8 @@ import numpy as np
 from g1_description.errors import MotionError, NoMotionError
 from g1_description.motion.files.arrays import NPY
 from g1_description.motion.files.conventions import names_of_columns, w_last
-from g1_description.motion.files.format import OPEN, Format, Writer
+from g1_description.motion.files.format import OPEN, Format, Writer, prepared
 from g1_description.motion.files.source import MotionSource
-from g1_description.motion.files.writing import prepared
 from g1_description.motion.motion import Motion
 from g1_description.motion.paths import rate_in
 from g1_description.robot.description import Description
@@ -307,7 +306,7 @@ def write_lafan1(
 ) -> tuple[bytes, tuple[str, ...]]:
     """Write the robot's joints without a header, as in the LAFAN1 retargeting set.
 
-    Arguments and errors are those of ``writing.prepared``.
+    Arguments and errors are those of ``format.prepared``.
 
     Returns:
         The file's content, and messages on differences from the motion.
