@@ -15,7 +15,7 @@ import numpy as np
 
 from g1_description.errors import MotionError
 from g1_description.motion.files import table
-from g1_description.motion.files.format import Format, Writer, prepared
+from g1_description.motion.files.format import Format, Writer, even_writer
 from g1_description.motion.files.source import MotionSource
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
@@ -86,25 +86,14 @@ def _check_units(place: np.ndarray, degrees: np.ndarray) -> tuple[str, ...]:
     return ()
 
 
-def write(
-    motion: Motion, robot: Description, rate: float | None
-) -> tuple[bytes, tuple[str, ...]]:
-    """Write a motion of all joints of the robot.
-
-    Arguments and errors are those of ``format.prepared``.
-
-    Returns:
-        The file's content, and messages on differences from the motion.
-    """
-    found, _, notes = prepared(motion, robot, rate)
-    base = found.base_poses
-    assert base is not None
+def _content(motion: Motion, base: np.ndarray, robot: Description, fps: float) -> bytes:
+    """Write a motion of all joints of the robot."""
     turns = axes_to_rpy(to_axes(base[:, 3:]))
-    values = [base[:, :3] / CM, np.degrees(turns), np.degrees(found.positions)]
-    names = [*PLACE, *TURN, *(name + JOINT for name in found.joint_names)]
+    values = [base[:, :3] / CM, np.degrees(turns), np.degrees(motion.positions)]
+    names = [*PLACE, *TURN, *(name + JOINT for name in motion.joint_names)]
     header, *rows = table.rows_text(np.concatenate(values, axis=1), names).split("\n")
     lines = [f"{FRAME},{header}", *(f"{n},{row}" for n, row in enumerate(rows[:-1]))]
-    return "\r\n".join([*lines, ""]).encode(), notes
+    return "\r\n".join([*lines, ""]).encode()
 
 
 FORMAT = Format(
@@ -115,5 +104,5 @@ FORMAT = Format(
     assumed_rate=USUAL_RATE,
     rate_of="the rate of BONES-SEED",
     is_text=True,
-    writers={"bones_seed": Writer(".csv", write, USUAL_RATE)},
+    writers={"bones_seed": Writer(".csv", even_writer(_content), USUAL_RATE)},
 )

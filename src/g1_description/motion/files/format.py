@@ -149,6 +149,36 @@ def prepared(
     return found, fps, (*of_joints, *of_times)
 
 
+def even_writer(
+    make: Callable[[Motion, np.ndarray, Description, float], bytes],
+    has_joint_order: bool = True,
+    has_velocities: bool = True,
+) -> Callable[[Motion, Description, float | None], tuple[bytes, tuple[str, ...]]]:
+    """Make a writer's function for a format of even times, with a base and all joints.
+
+    Args:
+        make: Given such a motion, its base poses, the robot and the samples per second,
+            returns the content.
+        has_joint_order: As for ``whole``.
+        has_velocities: Whether the format has velocities; if not, a message says that
+            those of the motion are not written.
+    """
+
+    def write(
+        motion: Motion, robot: Description, rate: float | None
+    ) -> tuple[bytes, tuple[str, ...]]:
+        found, fps, notes = prepared(
+            motion, robot, rate, has_joint_order=has_joint_order
+        )
+        if motion.velocities is not None and not has_velocities:
+            lacking = "This format has no velocities: those of the motion are not"
+            notes = (*notes, f"{lacking} written.")
+        assert found.base_poses is not None
+        return make(found, found.base_poses, robot, fps), notes
+
+    return write
+
+
 def whole(
     motion: Motion,
     robot: Description,

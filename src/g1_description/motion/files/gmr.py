@@ -18,7 +18,7 @@ from g1_description.motion.files.array_formats import Keys, array_format
 from g1_description.motion.files.conventions import (
     of_robot,
 )
-from g1_description.motion.files.format import BATCH, OPEN, Writer, number, prepared
+from g1_description.motion.files.format import BATCH, OPEN, Writer, even_writer, number
 from g1_description.motion.files.pickles import pickled
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
@@ -33,36 +33,19 @@ MARKERS = {
 """Points that GMR's model of the G1 has as bodies, for which TWIST asks: the link and
 the place on it in [m]."""
 
-WITHOUT_VELOCITIES = (
-    "This format has no velocities: those of the motion are not written."
-)
 
-
-def write(
-    motion: Motion, robot: Description, rate: float | None
-) -> tuple[bytes, tuple[str, ...]]:
-    """Write a pickle for GMR, TWIST and GMT, with the places of all links.
-
-    Arguments and errors are those of ``format.prepared``.
-
-    Returns:
-        The file's content, and messages on differences from the motion.
-    """
-    found, fps, notes = prepared(motion, robot, rate, has_joint_order=False)
-    if motion.velocities is not None:
-        notes = (*notes, WITHOUT_VELOCITIES)
-    base = found.base_poses
-    assert base is not None
-    links, places = _local_bodies(found, robot)
+def _content(motion: Motion, base: np.ndarray, robot: Description, fps: float) -> bytes:
+    """Write a pickle for GMR, TWIST and GMT, with the places of all links."""
+    links, places = _local_bodies(motion, robot)
     content = {
         "fps": number(fps),
         "root_pos": base[:, :3],
         "root_rot": base[:, 3:],
-        "dof_pos": found.positions,
+        "dof_pos": motion.positions,
         "local_body_pos": places,
         "link_body_list": links,
     }
-    return pickled(content), notes
+    return pickled(content)
 
 
 def _local_bodies(motion: Motion, robot: Description) -> tuple[list[str], np.ndarray]:
@@ -101,5 +84,5 @@ FORMAT = array_format(
     endings=(".pkl", ".pickle", ".p", ".npz"),
     assumed_rate=30.0,
     rate_of="the rate of most such files",
-    writers={"gmr": Writer(".pkl", write)},
+    writers={"gmr": Writer(".pkl", even_writer(_content, False, False))},
 )

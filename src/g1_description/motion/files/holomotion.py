@@ -21,8 +21,8 @@ from g1_description.motion.files.format import (
     Format,
     Writer,
     bodies,
+    even_writer,
     npz,
-    prepared,
     velocities_of,
 )
 from g1_description.motion.files.source import MotionSource, parsed
@@ -72,19 +72,10 @@ def read(source: MotionSource, robot: Description) -> Motion:
     return read_arrays(source, Arrays({**numbers, **metadata}), robot, keys, "xyzw")
 
 
-def write(
-    motion: Motion, robot: Description, rate: float | None
-) -> tuple[bytes, tuple[str, ...]]:
-    """Write a reference as float32, with all bodies.
-
-    Arguments and errors are those of ``format.prepared``.
-
-    Returns:
-        The file's content, and messages on differences from the motion.
-    """
-    found, fps, notes = prepared(motion, robot, rate, has_joint_order=False)
-    poses, twists = bodies(found, robot)
-    n_samples, n_joints = found.positions.shape
+def _content(motion: Motion, base: np.ndarray, robot: Description, fps: float) -> bytes:
+    """Write a reference as float32, with all bodies."""
+    poses, twists = bodies(motion, robot)
+    n_samples, n_joints = motion.positions.shape
     metadata = {
         "format_version": VERSION,
         "motion_key": motion.name or "motion",
@@ -98,8 +89,8 @@ def write(
         "valid_prefix_len": n_samples,
     }
     arrays = {
-        JOINTS: found.positions,
-        "dof_vel": velocities_of(found),
+        JOINTS: motion.positions,
+        "dof_vel": velocities_of(motion),
         PLACES: poses[..., :3],
         TURNS: poses[..., 3:],
         "global_velocity": twists[..., :3],
@@ -107,7 +98,7 @@ def write(
     }
     content = {f"ref_{name}": a.astype(np.float32) for name, a in arrays.items()}
     text = np.array(json.dumps(metadata))
-    return npz({METADATA: text, **content}), notes
+    return npz({METADATA: text, **content})
 
 
 FORMAT = Format(
@@ -117,5 +108,7 @@ FORMAT = Format(
     (".npz",),
     order="xyzw",
     names=names,
-    writers={"holomotion": Writer(".npz", write)},
+    writers={
+        "holomotion": Writer(".npz", even_writer(_content, has_joint_order=False))
+    },
 )

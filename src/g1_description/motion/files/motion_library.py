@@ -22,8 +22,7 @@ import numpy as np
 from g1_description.motion.files.array_formats import Keys, read_arrays
 from g1_description.motion.files.arrays import Arrays
 from g1_description.motion.files.conventions import ASAP_JOINTS, layouts
-from g1_description.motion.files.format import OPEN, Format, Writer, number, prepared
-from g1_description.motion.files.gmr import WITHOUT_VELOCITIES
+from g1_description.motion.files.format import OPEN, Format, Writer, even_writer, number
 from g1_description.motion.files.pickles import pickled, read_pickle
 from g1_description.motion.files.source import MotionSource
 from g1_description.motion.motion import Motion
@@ -133,25 +132,13 @@ def _names(
     return fitting[0] if len(fitting) == 1 else None
 
 
-def write(
-    motion: Motion, robot: Description, rate: float | None
-) -> tuple[bytes, tuple[str, ...]]:
-    """Write a library of one motion; float32, as upstream's.
-
-    Arguments and errors are those of ``format.prepared``.
-
-    Returns:
-        The file's content, and messages on differences from the motion.
-    """
-    found, fps, notes = prepared(motion, robot, rate)
-    if motion.velocities is not None:
-        notes = (*notes, WITHOUT_VELOCITIES)
-    base, positions = found.base_poses, found.positions
-    assert base is not None
+def _content(motion: Motion, base: np.ndarray, robot: Description, fps: float) -> bytes:
+    """Write a library of one motion; float32, as upstream's."""
+    positions = motion.positions
     n_samples, n_joints = positions.shape
     known = {joint.name: joint.axis for joint in robot.movable_joints}
-    axes = np.reshape([known[name] for name in found.joint_names], (n_joints, 3))
-    n_more = N_EXTENDED if found.joint_names == ASAP_JOINTS else 0
+    axes = np.reshape([known[name] for name in motion.joint_names], (n_joints, 3))
+    n_more = N_EXTENDED if motion.joint_names == ASAP_JOINTS else 0
     vectors = [
         to_rotation_vector(base[:, np.newaxis, 3:]),
         positions[..., np.newaxis] * axes,
@@ -166,7 +153,7 @@ def write(
     }
     content = {name: array.astype(np.float32) for name, array in entry.items()}
     name = motion.name or NAME
-    return pickled({name: {**content, "fps": number(fps)}}), notes
+    return pickled({name: {**content, "fps": number(fps)}})
 
 
 def merged(parts: Mapping[str, bytes]) -> bytes:
@@ -187,5 +174,9 @@ FORMAT = Format(
     rate_of="the rate of most such files",
     names=names,
     arrays=KEYS.needed,
-    writers={"motion_library": Writer(".pkl", write, merged=merged)},
+    writers={
+        "motion_library": Writer(
+            ".pkl", even_writer(_content, has_velocities=False), merged=merged
+        )
+    },
 )

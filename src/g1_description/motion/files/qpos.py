@@ -28,7 +28,7 @@ from g1_description.motion.files.conventions import (
     layouts,
     names_of_columns,
 )
-from g1_description.motion.files.format import Format, Writer, npz, number, prepared
+from g1_description.motion.files.format import Format, Writer, even_writer, npz, number
 from g1_description.motion.files.source import MotionSource, parsed
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
@@ -223,26 +223,15 @@ def _count(rest: np.ndarray, robot: Description) -> int:
     return width
 
 
-def write(
-    motion: Motion, robot: Description, rate: float | None
-) -> tuple[bytes, tuple[str, ...]]:
-    """Write ``qpos`` in MuJoCo's order, with ``fps`` and ``joint_names``.
-
-    Arguments and errors are those of ``format.prepared``.
-
-    Returns:
-        The file's content, and messages on differences from the motion.
-    """
-    found, fps, notes = prepared(motion, robot, rate)
-    base = found.base_poses
-    assert base is not None
+def _content(motion: Motion, base: np.ndarray, robot: Description, fps: float) -> bytes:
+    """Write ``qpos`` in MuJoCo's order, with ``fps`` and ``joint_names``."""
     order = [0, 1, 2, 6, 3, 4, 5]
     arrays = {
-        QPOS: np.concatenate([base[:, order], found.positions], axis=1),
+        QPOS: np.concatenate([base[:, order], motion.positions], axis=1),
         "fps": np.array(number(fps)),
-        JOINT_NAMES: np.array(found.joint_names, dtype=str),
+        JOINT_NAMES: np.array(motion.joint_names, dtype=str),
     }
-    return npz(arrays), notes
+    return npz(arrays)
 
 
 FORMAT = Format(
@@ -254,5 +243,5 @@ FORMAT = Format(
     assumed_rate=30.0,
     rate_of="the rate of OmniRetarget and any4hdmi",
     names=names,
-    writers={"qpos": Writer(".npz", write)},
+    writers={"qpos": Writer(".npz", even_writer(_content))},
 )

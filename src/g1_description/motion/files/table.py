@@ -26,7 +26,7 @@ import numpy as np
 from g1_description.errors import MotionError, NoMotionError
 from g1_description.motion.files.arrays import NPY
 from g1_description.motion.files.conventions import names_of_columns, w_last
-from g1_description.motion.files.format import OPEN, Format, Writer, prepared
+from g1_description.motion.files.format import OPEN, Format, Writer, even_writer
 from g1_description.motion.files.source import MotionSource
 from g1_description.motion.motion import Motion
 from g1_description.motion.paths import rate_in
@@ -301,41 +301,17 @@ def rows_text(values: np.ndarray, names: Sequence[str] = ()) -> str:
     return "\n".join([*([",".join(names)] if names else ()), *rows, ""])
 
 
-def write_lafan1(
-    motion: Motion, robot: Description, rate: float | None
-) -> tuple[bytes, tuple[str, ...]]:
-    """Write the robot's joints without a header, as in the LAFAN1 retargeting set.
-
-    Arguments and errors are those of ``format.prepared``.
-
-    Returns:
-        The file's content, and messages on differences from the motion.
-    """
-    base, positions, notes = _without_names(motion, robot, rate)
-    return rows_text(np.concatenate([base, positions], axis=1)).encode(), notes
+def _lafan1(motion: Motion, base: np.ndarray, robot: Description, fps: float) -> bytes:
+    """Write joints without a header, as in the LAFAN1 retargeting set."""
+    return rows_text(np.concatenate([base, motion.positions], axis=1)).encode()
 
 
-def write_kimodo(
-    motion: Motion, robot: Description, rate: float | None
-) -> tuple[bytes, tuple[str, ...]]:
-    """Write the same with quaternions w x y z, as Kimodo does.
-
-    Arguments, results and errors are those of ``write_lafan1``.
-    """
-    base, positions, notes = _without_names(motion, robot, rate)
-    base = base[:, [0, 1, 2, 6, 3, 4, 5]]
+def _kimodo(motion: Motion, base: np.ndarray, robot: Description, fps: float) -> bytes:
+    """Write the same with quaternions w x y z, as Kimodo does."""
+    values = np.concatenate([base[:, [0, 1, 2, 6, 3, 4, 5]], motion.positions], axis=1)
     stream = io.StringIO()
-    np.savetxt(stream, np.concatenate([base, positions], axis=1), delimiter=",")
-    return stream.getvalue().encode(), notes
-
-
-def _without_names(
-    motion: Motion, robot: Description, rate: float | None
-) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
-    """Return base poses and joints at even times, and messages."""
-    found, _, notes = prepared(motion, robot, rate, has_joint_order=False)
-    assert found.base_poses is not None
-    return found.base_poses, found.positions, notes
+    np.savetxt(stream, values, delimiter=",")
+    return stream.getvalue().encode()
 
 
 def most_samples(joints: Sequence[str], has_base: bool, size: int) -> int:
@@ -460,8 +436,8 @@ FORMAT = Format(
     is_text=True,
     writers={
         "csv": Writer(".csv", write, most_samples=most_samples),
-        "lafan1": Writer(".csv", write_lafan1, DEFAULT_RATE),
-        "kimodo": Writer(".csv", write_kimodo, DEFAULT_RATE),
+        "lafan1": Writer(".csv", even_writer(_lafan1, False), DEFAULT_RATE),
+        "kimodo": Writer(".csv", even_writer(_kimodo, False), DEFAULT_RATE),
     },
 )
 
