@@ -26,7 +26,7 @@ from g1_description.importer.meshes import (
 )
 from g1_description.importer.robot import ImportedRobot, Reference
 from g1_description.robot.assembly import rigid_frames
-from g1_description.robot.description import Description, Inertial
+from g1_description.robot.description import Description
 from g1_description.robot.lumping import fault_of
 
 
@@ -38,24 +38,13 @@ def massless_links(description: Description) -> tuple[list[str], list[str]]:
         zero; and those that are not, whose mass is unknown and which Gazebo ignores.
     """
     frames = rigid_frames(description, as_lumped=True)
-    with_mass = {
-        frames[link.name][0]
-        for link in description.links
-        if not _is_bare(link.inertial)
-    }
-    bare = [
-        link
-        for link in description.links
-        if _is_bare(link.inertial) and link.name != description.root
-    ]
-    held = [link for link in bare if frames[link.name][0] in with_mass]
-    unknown = [link.name for link in bare if frames[link.name][0] not in with_mass]
-    return [link.name for link in held if link.inertial is None], unknown
-
-
-def _is_bare(inertial: Inertial | None) -> bool:
-    """Return whether a link has no mass."""
-    return inertial is None or inertial.mass == 0.0
+    own = {link.name: link.inertial for link in description.links}
+    bare = [name for name, found in own.items() if found is None or found.mass == 0.0]
+    with_mass = {frames[name][0] for name in own if name not in bare}
+    bare = [name for name in bare if name != description.root]
+    held = [name for name in bare if frames[name][0] in with_mass]
+    unknown = [name for name in bare if frames[name][0] not in with_mass]
+    return [name for name in held if own[name] is None], unknown
 
 
 _UNSAFE = re.compile(r"[^A-Za-z0-9._+-]+")
@@ -253,21 +242,17 @@ class Import:
                 self._made[key] = error
                 return error
             name = self._names.of(path, mesh.name)
-            self._write_mesh(path, name, mesh)
+            found, absent = ({}, []) if mesh.name else self._side_files[path]
+            gone = tuple(f"refers to {name}, which does not exist" for name in absent)
+            self.write(f"meshes/{name}", mesh.data)
+            findings = mesh.findings + gone
+            self.files[name] = replace(mesh, name=name, data=b"", findings=findings)
+            for relative, file in found.items():
+                place = os.path.normpath(os.path.join(os.path.dirname(name), relative))
+                self.files[place] = MeshFile(file, place)
+                self.write(f"meshes/{place}", file.read_bytes())
             self._made[key] = name
         return self._made[key]
-
-    def _write_mesh(self, path: Path, name: str, mesh: MeshFile) -> None:
-        """Write a mesh with its side files."""
-        found, absent = ({}, []) if mesh.name else self._side_files[path]
-        gone = tuple(f"refers to {name}, which does not exist" for name in absent)
-        self.write(f"meshes/{name}", mesh.data)
-        findings = mesh.findings + gone
-        self.files[name] = replace(mesh, name=name, data=b"", findings=findings)
-        for relative, file in found.items():
-            place = os.path.normpath(os.path.join(os.path.dirname(name), relative))
-            self.files[place] = MeshFile(file, place)
-            self.write(f"meshes/{place}", file.read_bytes())
 
 
 def _settle_masses(robot: ImportedRobot) -> None:

@@ -192,12 +192,12 @@ def make_mesh(
         triangles = np.concatenate(corners) if parts else read_stl(data)
         kept = MeshFile(path, data=data)
         if kind == ".stl":
-            if parts:
-                is_text = not is_binary(data)
-                changes = ("text made binary" if is_text else "normals computed",)
-                data = write_stl(triangles)
-            else:
+            if not parts:
                 data, changes = clean_header(data)
+            elif is_binary(data):
+                data, changes = write_stl(triangles), ("normals computed",)
+            else:
+                data, changes = write_stl(triangles), ("text made binary",)
             count = len(read_stl(data))
             kept = MeshFile(path, data=data, triangles=count, changes=changes)
     is_convex = is_collision and options.convex_collisions
