@@ -33,7 +33,7 @@ def package(tmp_path, monkeypatch):
     monkeypatch.setenv("HOME", str(tmp_path / "home"))
     for variable in (model_files.MODEL_PATH, model_files.RESOURCE_PATH):
         monkeypatch.delenv(variable, raising=False)
-    model_files._packages.cache_clear()
+    model_files.packages.cache_clear()
 
     def make(name, export):
         folder = tmp_path / "src" / name
@@ -41,7 +41,7 @@ def package(tmp_path, monkeypatch):
         return folder
 
     yield make
-    model_files._packages.cache_clear()
+    model_files.packages.cache_clear()
 
 
 def test_models_are_found_where_packages_export_them(package, tmp_path):

@@ -475,7 +475,7 @@ def test_in_a_package_meshes_are_named_by_it(source, tmp_path, monkeypatch):
     (source / "r.urdf").write_text(robot(shape("visual", "x.stl")))
 
     def imported(name):
-        model_files._packages.cache_clear()
+        model_files.packages.cache_clear()
         told = run([str(source / "r.urdf"), "--out", str(package / name)])
         urdf = package / name / "urdf" / "r.urdf"
         ((path, _),) = mesh_files(urdf).values()
@@ -492,7 +492,7 @@ def test_in_a_package_meshes_are_named_by_it(source, tmp_path, monkeypatch):
         assert "`package://my_robots/b/meshes/...`" in told
         assert 'filename="../meshes/x.stl"' in imported("c c")[1]
     finally:
-        model_files._packages.cache_clear()
+        model_files.packages.cache_clear()
 
 
 def command(*arguments, first="", ignored=(), **options):

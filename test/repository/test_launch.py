@@ -107,10 +107,10 @@ def install(tmp_path, monkeypatch):
         if is_real:
             text = manifest.read_text()
             manifest.write_text(text.replace(needs("g1_description"), needs("gazebo")))
-        model_files._packages.cache_clear()
+        model_files.packages.cache_clear()
 
     yield put
-    model_files._packages.cache_clear()
+    model_files.packages.cache_clear()
 
 
 @pytest.fixture

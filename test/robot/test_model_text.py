@@ -183,11 +183,11 @@ def test_a_package_that_is_nearly_right_is_named(monkeypatch, tmp_path):
     package.mkdir()
     (package / "package.xml").write_text("<package><name>robot_arm</name></package>")
     monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path))
-    model_files._packages.cache_clear()
+    model_files.packages.cache_clear()
     try:
         assert "did you mean robot_arm?" in refusal("package://robot_am/r.urdf")
     finally:
-        model_files._packages.cache_clear()
+        model_files.packages.cache_clear()
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from pathlib import Path
 from urllib.parse import unquote
 
 from g1_description.errors import DescriptionError
-from g1_description.files.model_files import find_folder, package_names
+from g1_description.files.model_files import find_folder, packages
 from g1_description.text import did_you_mean
 
 _ARGUMENT = re.compile(r"\s+(?=[A-Za-z_]\w*:?=)")
@@ -87,7 +87,7 @@ def named_path(name: str) -> Path:
     package, _, inside = rest.partition("/")
     folder = find_folder(package)
     if folder is None:
-        near = did_you_mean(package, package_names())
+        near = did_you_mean(package, packages())
         raise DescriptionError(f"There is no package '{package}'{near}.")
     return Path(folder) / unquote(inside)
 

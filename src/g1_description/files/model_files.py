@@ -61,7 +61,7 @@ def listed_folders(variable: str) -> list[str]:
 
 
 @lru_cache(maxsize=None)
-def _packages() -> dict[str, str]:
+def packages() -> dict[str, str]:
     """Return the folders of packages by name; cached, as rospkg searches all folders.
 
     ROS' folder of this package takes precedence: RViz and others use it.
@@ -73,11 +73,6 @@ def _packages() -> dict[str, str]:
     return {**own, **{name: ros.get_path(name) for name in ros.list()}}
 
 
-def package_names() -> list[str]:
-    """List the packages."""
-    return list(_packages())
-
-
 def _exported_folders(attribute: str) -> Iterator[str]:
     """List the folders that ROS packages export to gazebo_ros.
 
@@ -85,7 +80,7 @@ def _exported_folders(attribute: str) -> Iterator[str]:
         attribute: One of ``<export><gazebo_ros .../></export>`` in a ``package.xml``:
             folders separated by colons; ``${prefix}`` is that of the package.
     """
-    for own in _packages().values():
+    for own in packages().values():
         for element in _exports_to_gazebo(Path(own, "package.xml")):
             folders = element.get(attribute, "").replace("${prefix}", own)
             yield from filter(None, folders.split(os.pathsep))
@@ -126,8 +121,8 @@ def find_folder(name: str) -> str | None:
     Returns:
         Its folder, or None.
     """
-    if name in _packages():
-        return _packages()[name]
+    if name in packages():
+        return packages()[name]
     for place in model_folders():
         if Path(place, name).is_dir() and os.sep not in name and name != "..":
             return os.path.join(place, name)

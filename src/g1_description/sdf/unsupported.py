@@ -45,9 +45,6 @@ _READ = {
     "limit": "lower upper effort velocity",
     "dynamics": "damping friction",
 }
-_LOOKS = ("material", "visual")
-"""Visual elements, which are ignored."""
-
 _NUMBERS = {
     6: "pose",
     2: "sim_time",
@@ -106,7 +103,7 @@ def unread(root: etree._Element) -> tuple[str, ...]:
                     messages[f"{owner} has {count} collisions called {name}"] = None
         for child in element:
             tag = local_name(child)
-            if tag in _LOOKS:
+            if tag in ("material", "visual"):
                 continue
             messages[_read_as(child, owner)] = None
             if child.tag not in _READ_IN.get(element.tag, ()):

@@ -15,7 +15,6 @@ from lxml import etree
 
 from g1_description.errors import DescriptionError, NoSuchModelError
 from g1_description.robot.assembly import SCOPE, WORLD
-from g1_description.robot.description import Description
 from g1_description.robot.joint_angles import measure, measured_joints
 from g1_description.robot.transform import compose, inverse
 from g1_description.robot.xml_values import name_of, optional, pose_of, text_of, vector
@@ -130,7 +129,7 @@ def _poses(
 
 
 def in_state(model: SdfModel, state: SavedState) -> SdfModel:
-    """Apply a saved state to a model: its roots, and its joints from link poses.
+    """Apply a saved state to a model: its roots, and its joints inside their limits.
 
     Args:
         model: As in the file.
@@ -152,24 +151,16 @@ def in_state(model: SdfModel, state: SavedState) -> SdfModel:
     ]
     positions = dict(assembly.positions)
     for tree in description.trees:
-        positions.update(_positions(tree, poses))
+        known = {name: poses[name] for name in poses if name in tree.link_names}
+        joints = measured_joints(tree, [*known])
+        if joints.names:
+            still = np.zeros((len(known), 6))
+            measured, _, _ = measure(np.array([*known.values()]), still, joints)
+            limits = {j.name: (j.lower, j.upper) for j in tree.movable_joints}
+            for name, position in zip(joints.names, measured):
+                positions[name] = float(np.clip(position, *limits[name]))
     moved = replace(assembly, root_poses=np.array(roots), positions=positions)
     return replace(model, pose=pose, assembly=moved)
-
-
-def _positions(tree: Description, poses: dict[str, np.ndarray]) -> dict[str, float]:
-    """Measure the joints of a tree by poses of its links, inside their limits."""
-    known = {name: pose for name, pose in poses.items() if name in tree.link_names}
-    joints = measured_joints(tree, [*known])
-    if not joints.names:
-        return {}
-    still = np.zeros((len(known), 6))
-    positions, _, _ = measure(np.array([*known.values()]), still, joints)
-    limits = {joint.name: (joint.lower, joint.upper) for joint in tree.movable_joints}
-    return {
-        name: float(np.clip(position, *limits[name]))
-        for name, position in zip(joints.names, positions)
-    }
 
 
 __all__ = ["EMPTY_WORLD", "Light", "Sdf", "SdfModel", "read_sdf"]
@@ -237,25 +228,27 @@ def read_sdf(text: str, find_model: Callable[[str], str] = no_model) -> Sdf:
         if not models and not lights:
             found = f": {', '.join(left_out)}" if left_out else ""
             raise DescriptionError(f"The SDF has no model, light or world{found}.")
-    reader = _Reader(None if world is None else left_out)
+    refused: list[str] = []
+    lists = None if world is None else left_out, refused
     scope = Scope("", Frames("the world", WORLD))
-    models = reader.read(models, lambda model: _placed(model, WORLD, scope))
+    models = _read_each(models, lambda model: _placed(model, WORLD, scope), *lists)
     frames = holder.findall("frame")
-    reader.read(frames, lambda f: _placed(f, f.get("attached_to") or WORLD, scope))
-    read_lights: dict[str, Light] = {}
-    for messages in reader.read(lights, lambda el: _add_light(el, scope, read_lights)):
-        left_out += messages
-    state = reduce(
-        SavedState.then, reader.read(holder.findall("state"), read_state), SavedState()
+    _read_each(
+        frames, lambda f: _placed(f, f.get("attached_to") or WORLD, scope), *lists
     )
-    read = reader.read(
-        models, lambda m: read_model_element(m, scope.frames.pose(name_of(m)))
+    named: dict[str, Light] = {}
+    for messages in _read_each(lights, lambda el: _add_light(el, scope, named), *lists):
+        left_out += messages
+    states = _read_each(holder.findall("state"), read_state, *lists)
+    state = reduce(SavedState.then, states, SavedState())
+    read = _read_each(
+        models, lambda m: read_model_element(m, scope.frames.pose(name_of(m))), *lists
     )
     return Sdf(
         models=tuple(in_state(model, state) for model in read),
         lights=tuple(
             replace(light, pose=state.lights.get(light.name, light.pose))
-            for light in read_lights.values()
+            for light in named.values()
         ),
         time=state.time or 0.0,
         gravity=tuple(vector(holder, "gravity", [0.0, 0.0, 0.0], "the world").tolist())
@@ -263,7 +256,7 @@ def read_sdf(text: str, find_model: Callable[[str], str] = no_model) -> Sdf:
         else None,
         physics=read_physics(holder),
         left_out=tuple(dict.fromkeys(left_out)),
-        refused=tuple(reader.refused),
+        refused=tuple(refused),
     )
 
 
@@ -280,37 +273,25 @@ def _surplus(root: etree._Element) -> list[str]:
     ]
 
 
-class _Reader:
-    """Reads elements; invalid ones in a world are ignored, else they are errors."""
-
-    def __init__(self, left_out: list[str] | None) -> None:
-        """Take a list for messages on ignored elements; None: errors are raised."""
-        self._left_out = left_out
-        self.refused: list[str] = []
-        """Errors of ignored models and lights."""
-
-    def read(
-        self,
-        elements: Iterable[etree._Element],
-        read: Callable[[etree._Element], _Read],
-    ) -> list[_Read]:
-        """Read elements.
-
-        Raises:
-            DescriptionError: If one is invalid, outside of a world.
-        """
-        found = []
-        for element in elements:
-            try:
-                found.append(read(element))
-            except DescriptionError as error:
-                if self._left_out is None:
-                    raise
-                thing = f"{element.tag} {element.get('name', '')}".rstrip()
-                self._left_out.append(f"{thing} is ignored: {error}".rstrip("."))
-                if element.tag != "frame":
-                    self.refused.append(str(error))
-        return found
+def _read_each(
+    elements: Iterable[etree._Element],
+    read: Callable[[etree._Element], _Read],
+    left_out: list[str] | None,
+    refused: list[str],
+) -> list[_Read]:
+    """Read elements; add messages on invalid ones, or raise them without a list."""
+    found = []
+    for element in elements:
+        try:
+            found.append(read(element))
+        except DescriptionError as error:
+            if left_out is None:
+                raise
+            thing = f"{element.tag} {element.get('name', '')}".rstrip()
+            left_out.append(f"{thing} is ignored: {error}".rstrip("."))
+            if element.tag != "frame":
+                refused.append(str(error))
+    return found
 
 
 def _placed(element: etree._Element, frame: str, scope: Scope) -> etree._Element:
