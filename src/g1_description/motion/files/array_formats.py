@@ -143,16 +143,13 @@ def read_arrays(
     return w_last(motion, robot, is_w_last=True) if is_open else motion
 
 
-Arranged = Callable[[MotionSource, Arrays, Description], Mapping[str, Any]]
-"""Converts arrays of a file to those named in a row."""
-
-
 def array_format(
     name: str,
     keys: Keys,
     order: str,
     needed: Sequence[str] = (),
-    arranged: Arranged | None = None,
+    arranged: Callable[[MotionSource, Arrays, Description], Mapping[str, Any]]
+    | None = None,
     has_several: bool = False,
     **others: Any,
 ) -> Format:

@@ -135,18 +135,47 @@ def prepared(
         motion: With a base; joints missing in it are at zero.
         robot: The robot.
         rate: Samples per second, in [Hz]; None: those of the motion, on average.
-        names: As for ``whole``.
-        has_joint_order: As for ``whole``.
+        names: Names of the format's joints, in its order; None: ``usual_joints``.
+        has_joint_order: Whether files distinguish Unitree's 23 joints from ASAP's; if
+            not, the robot's joints are written instead of Unitree's.
 
     Returns:
-        The motion, its samples per second, and messages on changes.
+        The motion, its samples per second, and messages on changes: on joints at zero,
+        on those that are left out, and on other times.
 
     Raises:
         MotionError: If it has no base or too many samples, or the robot lacks a joint.
     """
-    found, of_joints = whole(motion, robot, names, has_joint_order)
-    found, fps, of_times = even(found, rate)
-    return found, fps, (*of_joints, *of_times)
+    if motion.base_poses is None:
+        raise MotionError(
+            "This format needs base poses, and the motion has none; write .csv."
+        )
+    own = [joint.name for joint in robot.movable_joints]
+    names = usual_joints(motion, robot) if names is None else tuple(names)
+    is_open = not has_joint_order and names == G1_JOINTS[23] and len(own) > len(names)
+    names = tuple(own) if is_open else names
+    lacking = [name for name in names if name not in own]
+    if lacking:
+        raise MotionError(
+            f"This format needs joints that {robot.name} does not have: "
+            f"{listed(lacking)}."
+        )
+    found, fps, resampled = even(
+        replace(motion.arranged(names), notes=motion.notes), rate
+    )
+    notes = []
+    missing = [name for name in names if name not in motion.joint_names]
+    if missing:
+        why = "; 23 joints could be read as ASAP's" if is_open else ""
+        notes.append(f"Missing joints are written as 0: {listed(missing)}{why}.")
+    left_out = [name for name in motion.joint_names if name not in names]
+    if left_out:
+        notes.append(
+            f"Joints that the format does not have are not written: {listed(left_out)}."
+        )
+    if len(names) < len(own) and not notes:
+        notes.append(f"{ONLY} {len(names)} joints are written, not all {len(own)}.")
+    return found, fps, (*notes, *resampled)
 
 
 def even_writer(
@@ -159,7 +188,7 @@ def even_writer(
     Args:
         make: Given such a motion, its base poses, the robot and the samples per second,
             returns the content.
-        has_joint_order: As for ``whole``.
+        has_joint_order: As for ``prepared``.
         has_velocities: Whether the format has velocities; if not, a message says that
             those of the motion are not written.
     """
@@ -177,58 +206,6 @@ def even_writer(
         return make(found, found.base_poses, robot, fps), notes
 
     return write
-
-
-def whole(
-    motion: Motion,
-    robot: Description,
-    names: Sequence[str] | None = None,
-    has_joint_order: bool = True,
-) -> tuple[Motion, tuple[str, ...]]:
-    """Complete a motion for a format that has a base and all joints, without names.
-
-    Args:
-        motion: Motion of the robot.
-        robot: The robot.
-        names: Names of the format's joints, in its order; None: ``usual_joints``.
-        has_joint_order: Whether files distinguish Unitree's 23 joints from ASAP's; if
-            not, the robot's joints are written instead of Unitree's.
-
-    Returns:
-        The motion of these joints, at zero where the motion has none, and a message on
-        those and on joints that are left out.
-
-    Raises:
-        MotionError: If it has no base, or the robot lacks a joint.
-    """
-    if motion.base_poses is None:
-        raise MotionError(
-            "This format needs base poses, and the motion has none; write .csv."
-        )
-    own = [joint.name for joint in robot.movable_joints]
-    names = usual_joints(motion, robot) if names is None else tuple(names)
-    is_open = not has_joint_order and names == G1_JOINTS[23] and len(own) > len(names)
-    names = tuple(own) if is_open else names
-    lacking = [name for name in names if name not in own]
-    if lacking:
-        raise MotionError(
-            f"This format needs joints that {robot.name} does not have: "
-            f"{listed(lacking)}."
-        )
-    found = replace(motion.arranged(names), notes=motion.notes)
-    notes = []
-    missing = [name for name in names if name not in motion.joint_names]
-    if missing:
-        why = "; 23 joints could be read as ASAP's" if is_open else ""
-        notes.append(f"Missing joints are written as 0: {listed(missing)}{why}.")
-    left_out = [name for name in motion.joint_names if name not in names]
-    if left_out:
-        notes.append(
-            f"Joints that the format does not have are not written: {listed(left_out)}."
-        )
-    if len(names) < len(own) and not notes:
-        notes.append(f"{ONLY} {len(names)} joints are written, not all {len(own)}.")
-    return found, tuple(notes)
 
 
 def usual_joints(motion: Motion, robot: Description) -> tuple[str, ...]:

@@ -39,12 +39,6 @@ SAME_TURN = 1.0 - 1e-4
 SAME_AXIS = 1e-3
 """Tolerance of axis times position, in [rad]."""
 
-N_EXTENDED = 3
-"""Bodies behind the joints in ASAP's ``pose_aa``: hands and head."""
-
-N_SMPL = 24
-"""Joints of SMPL, whose places readers require and do not use."""
-
 NAME = "motion"
 """Name of a motion that is written and has none."""
 
@@ -138,7 +132,7 @@ def _content(motion: Motion, base: np.ndarray, robot: Description, fps: float) -
     n_samples, n_joints = positions.shape
     known = {joint.name: joint.axis for joint in robot.movable_joints}
     axes = np.reshape([known[name] for name in motion.joint_names], (n_joints, 3))
-    n_more = N_EXTENDED if motion.joint_names == ASAP_JOINTS else 0
+    n_more = 3 if motion.joint_names == ASAP_JOINTS else 0  # hands and head
     vectors = [
         to_rotation_vector(base[:, np.newaxis, 3:]),
         positions[..., np.newaxis] * axes,
@@ -149,7 +143,7 @@ def _content(motion: Motion, base: np.ndarray, robot: Description, fps: float) -
         "pose_aa": np.concatenate(vectors, axis=1),
         "dof": positions,
         "root_rot": base[:, 3:],
-        "smpl_joints": np.zeros((n_samples, N_SMPL, 3)),
+        "smpl_joints": np.zeros((n_samples, 24, 3)),  # required, but not used
     }
     content = {name: array.astype(np.float32) for name, array in entry.items()}
     name = motion.name or NAME

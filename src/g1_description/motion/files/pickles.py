@@ -92,7 +92,9 @@ class Unpickler(pickle._Unpickler):  # type: ignore[name-defined, misc]
 
         return {
             "numpy.core.multiarray._reconstruct": lambda *_: Array(),
-            "numpy.core.multiarray.scalar": lambda *given: _scalar(*given),
+            "numpy.core.multiarray.scalar": lambda kind, data: np.frombuffer(
+                data, kind.dtype, 1
+            )[0],
             "numpy.core.numeric._frombuffer": lambda *given: _from_buffer(*given),
             "numpy.ndarray": Array,
             "numpy.dtype": Dtype,
@@ -133,11 +135,6 @@ def _from_buffer(
     if axes is not None:
         array.value = array.value.transpose(axes)
     return array
-
-
-def _scalar(kind: Dtype, content: bytes) -> Any:
-    """Make a number or text of numpy."""
-    return np.frombuffer(content, kind.dtype, 1)[0]
 
 
 def read_pickled(data: bytes, reader: Callable[[bytes], Unpickler] = Unpickler) -> Any:
@@ -231,8 +228,6 @@ STORAGES = {
 }
 """Types of numbers by the names of torch's storages."""
 
-MAX_AXES = 32
-
 
 def read_torch(content: bytes) -> dict[str, Any]:
     """Read the dictionary in a file of torch.save.
@@ -318,7 +313,7 @@ def _tensor(storage: Any, offset: Any, size: Any, stride: Any, *_: Any) -> np.nd
     if not isinstance(storage, np.ndarray) or len(size) != len(stride):
         raise MotionError("it has a tensor without a storage")
     numbers = (offset, *size, *stride)
-    if len(size) > MAX_AXES or not all(
+    if len(size) > 32 or not all(
         type(number) is int and 0 <= number <= 2**40 for number in numbers
     ):
         raise MotionError("it has a tensor of an impossible shape")

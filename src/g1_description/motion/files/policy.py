@@ -90,19 +90,14 @@ class _Model:
             if field == MODEL_METADATA:
                 pair = dict(self._fields(value))
                 self._metadata[_text(pair.get(1))] = _text(pair.get(2))
-            elif field == MODEL_GRAPH:
-                self._add_graph(value)
-
-    def _add_graph(self, data: Field) -> None:
-        """Note nodes, tensors and outputs."""
-        for field, value in self._fields(data):
-            if field == GRAPH_NODE:
-                self._add_node(value)
-            elif field == GRAPH_INITIALIZER:
-                parts = dict(self._fields(value))
-                self._tensors[_text(parts.get(TENSOR_NAME))] = _bytes(value)
-            elif field == GRAPH_OUTPUT:
-                self._outputs.append(_text(dict(self._fields(value)).get(1)))
+            for part, content in self._fields(value) if field == MODEL_GRAPH else ():
+                if part == GRAPH_NODE:
+                    self._add_node(content)
+                elif part == GRAPH_INITIALIZER:
+                    name = dict(self._fields(content)).get(TENSOR_NAME)
+                    self._tensors[_text(name)] = _bytes(content)
+                elif part == GRAPH_OUTPUT:
+                    self._outputs.append(_text(dict(self._fields(content)).get(1)))
 
     def _add_node(self, data: Field) -> None:
         """Note where a node takes its numbers from, or the tensor of a constant."""

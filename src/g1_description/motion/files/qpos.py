@@ -41,9 +41,6 @@ SPLITS = "split_points"
 
 MANIFEST = "manifest.json"
 
-MANIFEST_ABOVE = 3
-"""Folders in which the manifest is looked for."""
-
 FREE = 7
 """Numbers of a free body: place and quaternion."""
 
@@ -148,7 +145,7 @@ def manifest_of(source: MotionSource) -> Path | None:
     """Find the manifest of a folder of any4hdmi, if there is one above the file."""
     if [*source.arrays] != [QPOS]:
         return None
-    above = [*source.path.absolute().parents][:MANIFEST_ABOVE]
+    above = [*source.path.absolute().parents][:3]
     paths = [Path(folder, MANIFEST) for folder in above]
     return next((path for path in paths if path.is_file()), None)
 

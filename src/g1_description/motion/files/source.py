@@ -53,8 +53,6 @@ BEGIN = 10_000
 """Characters in which the root element of XML must be."""
 
 ZIP = b"PK\x03\x04"
-ZIP_MEMBER = b"PK\x01\x02"
-NPY_MAGIC = b"\x93NUMPY"
 
 COMPRESSED: Mapping[bytes, Callable[[], Any]] = {
     **dict.fromkeys((b"x\x01", b"x^", b"x\x9c", b"x\xda"), zlib.decompressobj),
@@ -66,8 +64,6 @@ COMPRESSED: Mapping[bytes, Callable[[], Any]] = {
     ),
 }
 """Decompressors by first bytes: of zlib, gzip, bz2, xz and lzma."""
-
-GIT_LFS = "version https://git-lfs."
 
 
 @dataclass(frozen=True)
@@ -162,7 +158,7 @@ class MotionSource:
             text = self.data.decode("utf-8-sig")
         except UnicodeDecodeError:
             return None
-        if text.startswith(GIT_LFS):
+        if text.startswith("version https://git-lfs."):
             raise MotionError("This is a Git LFS pointer: run git lfs pull.")
         return text
 
@@ -193,10 +189,10 @@ class MotionSource:
         if content.startswith(PICKLE):
             return Arrays(read_pickle(content))
         try:
-            if content.startswith(NPY_MAGIC):
+            if content.startswith(b"\x93NUMPY"):
                 return npy_arrays(content)
             is_zip = content.startswith(ZIP)
-            if is_zip and content.count(ZIP_MEMBER) > MAX_MEMBERS:
+            if is_zip and content.count(b"PK\x01\x02") > MAX_MEMBERS:
                 raise MotionError(f"The zip has more than {MAX_MEMBERS} files.")
             if is_zip and PICKLE_NAME.encode() in content:
                 return Arrays(read_torch(content))
