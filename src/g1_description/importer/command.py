@@ -286,7 +286,15 @@ def import_into(
         OSError: If it cannot be written.
     """
     folder.check([REPORT, *(robot.name for robot in robots)])
-    profile, use = _profile(folder, robots)
+    profile: dict[str, bytes] = {}
+    use = "Several robots have no profile: import one at a time to get it."
+    if len(robots) == 1:
+        files, target = first_profile(robots[0]), folder.target
+        profile = {n: t for n, t in files.items() if not os.path.lexists(target / n)}
+        use = (
+            f"The folder is a profile to complete in {FILE}: robot:={target}, or its "
+            f"name if it is in {user_folder()}."
+        )
     prefix, where = mesh_prefix(folder.target)
     imported = Import(robots, options, prefix, folder.write, faults)
     with folder.completed():
@@ -295,21 +303,6 @@ def import_into(
             folder.write(name, content)
         folder.write(REPORT, report(imported, where).encode("utf-8"))
     return f"{summary(imported)}\n{where}\n{use}\nWritten: {folder.target}"
-
-
-def _profile(
-    folder: Folder, robots: list[ImportedRobot]
-) -> tuple[dict[str, bytes], str]:
-    """Return the missing files of a profile, and a message on its use."""
-    if len(robots) > 1:
-        return {}, "Several robots have no profile: import one at a time to get it."
-    files = first_profile(robots[0])
-    target = folder.target
-    missing = {n: text for n, text in files.items() if not os.path.lexists(target / n)}
-    return missing, (
-        f"The folder is a profile to complete in {FILE}: robot:={folder.target}, or "
-        f"its name if it is in {user_folder()}."
-    )
 
 
 def run(arguments: list[str]) -> str:
