@@ -231,11 +231,6 @@ def _deployed(
     return {**arrays, "joint_names": isaac_joints(source), "body_names": links}
 
 
-def _listed(_: MotionSource, arrays: Arrays, __: Description) -> Mapping[str, Any]:
-    """Make arrays of lists of rows."""
-    return {**arrays, **{name: rows_of(arrays[name], name) for name in AMI.needed}}
-
-
 AMI = Keys(
     *("joint_positions", "root_position", "root_quaternion"), names=("joints_list",)
 )
@@ -296,7 +291,10 @@ FORMATS = (
         AMI,
         OPEN,
         (*AMI.needed, "joints_list"),
-        _listed,
+        lambda _, arrays, __: {
+            **arrays,
+            **{name: rows_of(arrays[name], name) for name in AMI.needed},
+        },
         endings=(".npy",),
         assumed_rate=30.0,
         rate_of="the rate of most such files",

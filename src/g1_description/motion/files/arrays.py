@@ -90,7 +90,8 @@ class Arrays(Mapping[str, Any]):
         """Read a list of names."""
         names = self[name]
         if isinstance(names, np.ndarray) and names.dtype.kind in "US":
-            names = _texts(names)
+            with suppress(ValueError):  # not all numbers are characters
+                names = names.astype("U").tolist()
         if not isinstance(names, (list, tuple)) or not all(
             isinstance(item, str) for item in names
         ):
@@ -180,14 +181,6 @@ class NpzArrays(Arrays):
         raise MotionError(
             f"{name} has {size / 1e6:.0f} MB; the limit is {MAX_BYTES / 1e6:.0f} MB."
         )
-
-
-def _texts(array: np.ndarray) -> Any:
-    """Return an array of text as a list; None if it is none."""
-    try:
-        return array.astype("U").tolist() if array.ndim == 1 else None
-    except ValueError:  # not all numbers are characters
-        return None
 
 
 def npy_arrays(content: bytes) -> Arrays:

@@ -55,8 +55,6 @@ where these have a base 1.3 times as high and the 27 joints in the order of an H
 OTHER_UNITS = 10.0
 """Heights in [m] that may be in other units."""
 
-TITLES = {"isaaclab": "Isaac Lab", "mujoco": "MuJoCo, that of the robot's file"}
-
 OTHERS = {
     "wxyz": ("x y z w", [0, 1, 2, 6, 3, 4, 5]),
     "xyzw": ("w x y z", W_FIRST_COLUMNS),
@@ -131,13 +129,16 @@ def _joint_order(columns: Columns, limits: Limits, robot: Description) -> str:
     if beyond <= BEYOND:
         return ""
     own = tuple(joint.name for joint in robot.movable_joints if joint.name in columns)
-    orders = {"isaaclab": breadth_first(robot, columns), "mujoco": own}
-    for name, order in orders.items():
+    orders = (
+        ("isaaclab", "Isaac Lab", breadth_first(robot, columns)),
+        ("mujoco", "MuJoCo, that of the robot's file", own),
+    )
+    for name, title, order in orders:
         moved = dict(zip(order, columns.values()))
         if order != (*columns,) and _excess(moved, limits) < WITHIN:
             return (
                 f"Joints are up to {beyond:.2g} rad beyond their limits, and within "
-                f"them in the order of {TITLES[name]}: check and motion read them so "
+                f"them in the order of {title}: check and motion read them so "
                 f"with --input-joint-order {name}, unless the file names them."
             )
     return ""

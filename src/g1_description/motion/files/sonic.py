@@ -169,31 +169,21 @@ def write(
         SPEEDS: (speeds, ["joint_vel_{}"]),
         PLACES: (poses[..., :3], [f"body_{{}}_{axis}" for axis in "xyz"]),
         TURNS: (poses[..., [6, 3, 4, 5]], [f"body_{{}}_{axis}" for axis in "wxyz"]),
-        "body_lin_vel.csv": (
-            twists[..., :3],
-            [f"body_{{}}_vel_{axis}" for axis in "xyz"],
-        ),
-        "body_ang_vel.csv": (
-            twists[..., 3:],
-            [f"body_{{}}_angvel_{axis}" for axis in "xyz"],
-        ),
+        "body_lin_vel.csv": (twists[..., :3], [f"body_{{}}_vel_{a}" for a in "xyz"]),
+        "body_ang_vel.csv": (twists[..., 3:], [f"body_{{}}_angvel_{a}" for a in "xyz"]),
     }
     content = {}
     for name, (values, columns) in tables.items():
         names = [c.format(number) for number in range(values.shape[1]) for c in columns]
         rows = values.reshape(len(values), -1)
         content[name] = table.rows_text(rows, names).encode()
-    content[METADATA] = _metadata(len(found.times)).encode()
-    return content, notes
-
-
-def _metadata(n_samples: int) -> str:
-    """Write the bodies that the robot's program reads."""
+    # The robot's program reads which bodies there are.
     numbers = " ".join(f"{number:2d}" for number in BODIES)
-    return (
+    metadata = (
         "Metadata for: motion\n==============================\n\nBody part indexes:\n"
-        f"[{numbers}]\n\nTotal timesteps: {n_samples}\n"
+        f"[{numbers}]\n\nTotal timesteps: {len(found.times)}\n"
     )
+    return {**content, METADATA: metadata.encode()}, notes
 
 
 FORMAT = Format(

@@ -137,22 +137,17 @@ def _built(events: Iterator[Any]) -> Any:
             outer.append(parts)
             parts = []
         elif isinstance(event, (MappingEndEvent, SequenceEndEvent)):
-            is_list = isinstance(event, SequenceEndEvent)
-            found = parts if is_list else _dictionary(parts, event)
+            found: Any = parts
+            if isinstance(event, MappingEndEvent):
+                if not all(type(key) is str for key in parts[::2]):
+                    problem = "has a key that is not text"
+                    raise MotionError(
+                        f"The mapping that ends in line {line} {problem}."
+                    )
+                found = dict(zip(parts[::2], parts[1::2]))
             parts = outer.pop()
             parts.append(found)
     return parts[0] if parts else None
-
-
-def _dictionary(parts: list[Any], event: Any) -> dict[str, Any]:
-    """Pair keys and values."""
-    keys = parts[::2]
-    if not all(type(key) is str for key in keys):
-        line = event.start_mark.line + 1
-        raise MotionError(
-            f"The mapping that ends in line {line} has a key that is not text."
-        )
-    return dict(zip(keys, parts[1::2]))
 
 
 def _list(value: Any, label: str) -> list:
