@@ -7,7 +7,7 @@ import pytest
 from worlds import OUR_G1
 
 from g1_description.errors import InvalidValueError, UnknownNameError
-from g1_description.sim.gantry import HEIGHT
+from g1_description.sim.anchor import HEIGHT
 
 PLACE = np.array([0.4, -0.2, 0.9, 0.0, 0.0, 0.0, 1.0])
 DUMMY = """<robot name="dummy"><link name="torso"><inertial><origin xyz="0 0 0.1"/>

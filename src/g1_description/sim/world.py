@@ -25,7 +25,7 @@ from g1_description.robot.description import Description, Inertial
 from g1_description.robot.lumping import impossible_inertias
 from g1_description.robot.transform import compose
 from g1_description.sdf.world import EMPTY_WORLD, Light, Sdf, read_sdf
-from g1_description.sim.anchor import Anchors
+from g1_description.sim.anchor import Anchors, Gantries
 from g1_description.sim.drives import PdCommand
 from g1_description.sim.engine import PhysicsProperties, engine_class
 from g1_description.sim.entities import (
@@ -38,7 +38,6 @@ from g1_description.sim.entities import (
     place_link,
 )
 from g1_description.sim.forces import ForceSchedule
-from g1_description.sim.gantry import Gantries
 from g1_description.sim.model import Model, Report
 from g1_description.sim.motions import Motions
 
