@@ -18,7 +18,7 @@ from g1_description.render.camera import VIEWS, Camera, framing
 from g1_description.render.picture import draw, silhouette
 from g1_description.render.scene import NOTHING, Scene
 from g1_description.robot.urdf import parse_urdf
-from g1_description.sim.meshes.contents import Part
+from g1_description.sim.meshes.shapes import Part
 
 MIDDLE = np.array([0.0, 0.0, 0.66])
 OURS = REPOSITORY / "urdf" / "g1_29dof.urdf"

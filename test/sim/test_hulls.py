@@ -9,9 +9,8 @@ from hypothesis import strategies as st
 from scipy.optimize import nnls
 from scipy.spatial import ConvexHull
 
-from g1_description.sim.meshes.contents import Part
 from g1_description.sim.meshes.hulls import MAX_WHOLE, thinned, thinned_hulls
-from g1_description.sim.meshes.shapes import Mesh
+from g1_description.sim.meshes.shapes import Mesh, Part
 
 WEIGHT = 1e3
 """Of the sum of the shares, which is one."""

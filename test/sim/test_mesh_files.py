@@ -17,7 +17,7 @@ from g1_description.robot.description import Shape
 from g1_description.robot.lumping import lump_fixed_joints
 from g1_description.robot.transform import IDENTITY
 from g1_description.robot.urdf import parse_urdf
-from g1_description.sim.meshes import contents as mesh_contents
+from g1_description.sim.meshes import shapes as mesh_contents
 from g1_description.sim.meshes.shapes import find_meshes
 from g1_description.sim.standing import standing_height
 

@@ -17,8 +17,13 @@ from g1_description.robot.description import Description, Shape
 from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.transform import IDENTITY, compose
 from g1_description.sim.bullet.client import BulletClient, connect, pybullet
-from g1_description.sim.meshes.contents import Part
-from g1_description.sim.meshes.shapes import Mesh, find_meshes, is_there, scaled_parts
+from g1_description.sim.meshes.shapes import (
+    Mesh,
+    Part,
+    find_meshes,
+    is_there,
+    scaled_parts,
+)
 from g1_description.sim.meshes.stl import ROUND
 
 BATCH_SIZE = 40_000
