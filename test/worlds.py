@@ -62,7 +62,7 @@ class Bench(World):
         body = self.body(name)
         joint = {j.child: j.name for j in body.model.assembly.description.joints}
         numbers = range(self.client.getNumJoints(body.number))
-        return {joint[body.link_name(number)]: number for number in numbers}
+        return {joint[body.link_names[number]]: number for number in numbers}
 
     def read_back(self):
         """Give the models the state that PyBullet has, as a step does."""

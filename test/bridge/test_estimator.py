@@ -411,8 +411,8 @@ class Thrown:
         world.put("robot", HIGH, SPINNING)
         self._client, self._body = world.client, world.body("robot").number
         self._index = world.joint_numbers("robot")
-        name_of = world.body("robot").link_name
-        self._links = [name_of(index) for index in range(-1, len(self._index))]
+        names = world.body("robot").link_names
+        self._links = [names[index] for index in range(-1, len(self._index))]
         self._let_go(parse_urdf(text), np.random.default_rng(1))
 
     def _let_go(self, description, random):

@@ -100,7 +100,7 @@ def test_what_has_an_inertia_that_is_not_positive_falls_as_in_gazebo(
     )
     body = world.body("r")
     for number, name in ((-1, "a"), (1, "c")):
-        assert body.link_name(number) == name
+        assert body.link_names[number] == name
         found = world.client.getDynamicsInfo(body.number, number)[2]
         np.testing.assert_allclose(found, 1.0)
     inertia = world.model("r").links["a"].inertial.inertia

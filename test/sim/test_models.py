@@ -60,9 +60,9 @@ def thing(shape):
 def pybullet_centers(world, name):
     """Give each link's center of mass in the world, as PyBullet has it."""
     client, body = world.client, world.body(name)
-    centers = {body.link_name(-1): client.getBasePositionAndOrientation(body.number)}
+    centers = {body.link_names[-1]: client.getBasePositionAndOrientation(body.number)}
     for index in range(client.getNumJoints(body.number)):
-        centers[body.link_name(index)] = client.getLinkState(body.number, index, 0, 1)
+        centers[body.link_names[index]] = client.getLinkState(body.number, index, 0, 1)
     return {link: np.array(state[0]) for link, state in centers.items()}
 
 
@@ -70,7 +70,7 @@ def pybullet_velocities(world, name):
     """Give the velocity of each link's center of mass but the root's."""
     client, body = world.client, world.body(name)
     states = {
-        body.link_name(index): client.getLinkState(body.number, index, 1, 1)
+        body.link_names[index]: client.getLinkState(body.number, index, 1, 1)
         for index in range(client.getNumJoints(body.number))
     }
     return {link: np.concatenate(state[6:8]) for link, state in states.items()}

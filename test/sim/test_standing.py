@@ -84,7 +84,7 @@ def gaps(world, model, reach=0.05):
     robot, ground = (world.body(n).number for n in (model.name, "ground_plane"))
     distances = {}
     for point in world.client.getClosestPoints(robot, ground, reach):
-        name = world.body(model.name).link_name(point[3])
+        name = world.body(model.name).link_names[point[3]]
         distances.setdefault(name, []).append(point[8])
     return distances
 

@@ -98,7 +98,7 @@ def test_moving_links_are_where_scipy_puts_them(make_world):
         for joint, index in world.joint_numbers("g1").items():
             positions[joint] = client.getJointState(body, index)[0]
             state = client.getLinkState(body, index, computeForwardKinematics=1)
-            theirs[world.body("g1").link_name(index)] = np.concatenate(state[4:6])
+            theirs[world.body("g1").link_names[index]] = np.concatenate(state[4:6])
         poses = link_poses(world, "g1")
         expected = forward_kinematics(OUR_G1, poses["pelvis"], positions)
         assert_all_close(poses, expected, 1e-6)

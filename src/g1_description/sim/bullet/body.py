@@ -56,9 +56,10 @@ class Body:
         self.tree = model.trees[tree]
         self._tree_number = tree
         self._drives = drives
-        self._link_names = dict(enumerate(links, ROOT))
+        self.link_names = dict(enumerate(links, ROOT))
+        """Names of its links by PyBullet's indices."""
         self._index: dict[str, int] = {}
-        for index, name in self._link_names.items():
+        for index, name in self.link_names.items():
             self._index.setdefault(name, index)  # later ones have only shapes
         inertial = client.getDynamicsInfo(number, ROOT)[3:5]
         self._T_root_center = np.concatenate(inertial)
@@ -84,7 +85,7 @@ class Body:
         # ODE uses the lesser of two coefficients, PyBullet their product: with at most
         # 1 on static models, both are equal on the ground.
         static = self.model.assembly.static
-        for index, name in self._link_names.items():
+        for index, name in self.link_names.items():
             shapes = self.model.links[name].collisions
             frictions = [s.friction for s in shapes if s.friction is not None]
             restitutions = [s.restitution for s in shapes if s.restitution is not None]
@@ -116,20 +117,16 @@ class Body:
 
     def can_move(self, index: int) -> bool:
         """Return whether physics can move a link, given by PyBullet's index."""
-        on_root = self._link_names[index] == self._link_names[ROOT]
+        on_root = self.link_names[index] == self.link_names[ROOT]
         return not self.tree.fixed or (bool(self.rows) and not on_root)
-
-    def link_name(self, index: int) -> str:
-        """Return the name of a link, given by PyBullet's index."""
-        return self._link_names[index]
 
     def pass_through(self, other: Body) -> None:
         """Disable collisions with links of another tree of the same model.
 
         As in Gazebo, a nested model counts as another model.
         """
-        for index, name in self._link_names.items():
-            for theirs, their_name in other._link_names.items():
+        for index, name in self.link_names.items():
+            for theirs, their_name in other.link_names.items():
                 if name.rpartition(SCOPE)[0] == their_name.rpartition(SCOPE)[0]:
                     self._client.setCollisionFilterPair(
                         self.number, other.number, index, theirs, 0
@@ -176,7 +173,11 @@ class Body:
         drives = self._drives
         own = [row for row in rows.tolist() if row in self._own]
         servos = [row for row in own if drives.is_servo[row]]
-        self._find_slack()
+        self._slack = [row for row in self.rows if not drives.is_servo[row]]
+        resistance = drives.friction + drives.joint_damping
+        self._is_damped = bool(resistance[self._slack].any())
+        pulls = (drives.stiffness, drives.damping, drives.feedforward)
+        self._is_driven = any(each.any() for each in pulls)
         if len(servos) < len(own):
             loose = [row for row in own if not drives.is_servo[row]]
             self._slow_down(loose, np.zeros(len(loose)))
@@ -191,14 +192,6 @@ class Body:
                 positionGains=drives.position_gains[servos],
                 velocityGains=drives.velocity_gains[servos],
             )
-
-    def _find_slack(self) -> None:
-        """Find the joints without a servo, and whether anything moves them."""
-        drives = self._drives
-        self._slack = [row for row in self.rows if not drives.is_servo[row]]
-        resistance = drives.friction + drives.joint_damping
-        self._is_damped = bool(resistance[self._slack].any())
-        self._is_driven = not drives.is_idle
 
     def apply_effort(self, row: int, effort: float) -> None:
         """Apply an effort to a joint of the model, if it belongs to this tree."""

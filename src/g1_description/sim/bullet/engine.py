@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain, combinations
 
 import numpy as np
@@ -14,7 +14,6 @@ from g1_description.robot.rotation import cross
 from g1_description.robot.transform import compose
 from g1_description.sim.bullet.body import Body
 from g1_description.sim.bullet.client import BulletClient, connect
-from g1_description.sim.bullet.contacts import DepenetrationLimiter
 from g1_description.sim.bullet.create_body import (
     MAX_JOINTS,
     TooManyLinksError,
@@ -25,6 +24,81 @@ from g1_description.sim.meshes.shapes import find_meshes
 from g1_description.sim.model import Model, States
 from g1_description.sim.moving_models import MovingModels
 from g1_description.text import listed
+
+MAX_DEPENETRATION_SPEED = 0.3
+"""Largest speed at which overlapping links separate, in [m/s]. ODE has such a bound per
+contact, Gazebo's ``max_vel`` of 0.01 m/s, which is slow to watch; an object thrown at
+this speed rises by 5 mm."""
+
+CONTACT_HARDNESS = 1e9
+"""Stiffness times the time step, plus damping, of links with their own ``erp``: large
+enough that their contacts are as hard as others."""
+
+
+class DepenetrationLimiter:
+    """Bounds the speed at which contacts push overlapping links apart.
+
+    In each step PyBullet corrects the fraction ``erp`` of an overlap, by a velocity
+    that bodies keep. It has no bound for it, but contact stiffness and damping set a
+    fraction per link: deep links get a smaller one.
+    """
+
+    def __init__(self, client: BulletClient) -> None:
+        self._client = client
+        self._given: dict[tuple[int, int], tuple[float, float]] = {}
+        self._may_overlap = False
+
+    def expect_overlaps(self) -> None:
+        """Record that a change may have caused an overlap."""
+        self._may_overlap = True
+
+    def forget(self, body: int) -> None:
+        """Forget a removed body, by its number in PyBullet."""
+        self._given = {key: erp for key, erp in self._given.items() if key[0] != body}
+
+    def apply(self, bodies: Mapping[int, Body], properties: PhysicsProperties) -> None:
+        """Set each link's ``erp`` for the next step.
+
+        Args:
+            bodies: All bodies by their numbers in PyBullet.
+            properties: The physics properties.
+        """
+        if not (self._may_overlap and properties.step_ns):
+            return
+        time_step = properties.time_step
+        distance = MAX_DEPENETRATION_SPEED * time_step
+        deepest = self._deep_links(bodies, properties.erp, distance)
+        for key in {**self._given, **deepest}:
+            erp = distance / deepest[key] if key in deepest else properties.erp
+            if self._given.get(key) != (erp, time_step):
+                self._client.changeDynamics(
+                    *key,
+                    contactStiffness=erp * CONTACT_HARDNESS / time_step,
+                    contactDamping=(1.0 - erp) * CONTACT_HARDNESS,
+                )
+                self._given[key] = erp, time_step
+        self._may_overlap = bool(deepest)
+
+    def _deep_links(
+        self, bodies: Mapping[int, Body], erp: float, distance: float
+    ) -> dict[tuple[int, int], float]:
+        """Find the links that PyBullet would push by more than a distance in a step.
+
+        Returns:
+            The largest depth in [m] by PyBullet's numbers of body and link, assigned to
+            the first movable link of each pair.
+        """
+        self._client.performCollisionDetection()
+        deepest: dict[tuple[int, int], float] = {}
+        for point in self._client.getContactPoints() or ():
+            depth = -point[8]
+            if erp * depth <= distance:
+                continue
+            for body, link in ((point[1], point[3]), (point[2], point[4])):
+                if bodies[body].can_move(link):
+                    deepest[body, link] = max(depth, deepest.get((body, link), 0.0))
+                    break
+        return deepest
 
 
 class BulletEngine(Engine):
@@ -261,7 +335,7 @@ class BulletEngine(Engine):
             links = [(bodies[point[1]], point[3]), (bodies[point[2]], point[4])]
             if point[8] <= 0.0 and any(body.can_move(link) for body, link in links):
                 first, second = sorted(
-                    f"{body.model.name}{SCOPE}{body.link_name(link)}"
+                    f"{body.model.name}{SCOPE}{body.link_names[link]}"
                     for body, link in links
                 )
                 pairs.add((first, second))
