@@ -92,12 +92,6 @@ class Drives:
         """Whether a controller drives any joint."""
         return bool(self._driven.any())
 
-    @property
-    def is_idle(self) -> bool:
-        """Whether no joint has a spring or damper, or a controller's effort."""
-        given = (self.stiffness, self.damping, self.feedforward)
-        return not any(each.any() for each in given)
-
     def follow(
         self, rows: np.ndarray, positions: np.ndarray, velocities: np.ndarray
     ) -> None:

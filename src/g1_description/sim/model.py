@@ -309,18 +309,15 @@ class Model:
             desired[row] = min(max(float(position), lower), upper)
             if desired[row] != position:
                 report.clamped[name] = float(position), desired[row]
-        report.changed = [row for row in desired if not self._is_at(row, desired[row])]
+        report.changed = [
+            row
+            for row, goal in desired.items()
+            if self.velocity[row] or not self.position[row] == self.target[row] == goal
+        ]
         if desired:
             self._place_joints(np.array([*desired]), np.array([*desired.values()]))
             self.commanded[[*requested]] = [*requested.values()]
         return report
-
-    def _is_at(self, row: int, position: float) -> bool:
-        """Return whether a joint is at rest at a position, its target, already."""
-        return bool(
-            self.position[row] == self.target[row] == position
-            and self.velocity[row] == 0.0
-        )
 
     def _place_joints(self, rows: np.ndarray, positions: np.ndarray) -> None:
         """Set joints, given by their rows, and stop the links below them.

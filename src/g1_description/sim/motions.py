@@ -225,7 +225,11 @@ class Motions:
                 if playback.reaches_sample(time_ns):
                     self._reached.add(model)
                 if self._engine.is_dynamic and not playback.is_single:
-                    self._expect(model, playback, desired)
+                    if playback not in self._trackers:
+                        self._trackers[playback] = MotionTracker(
+                            self._engine, model, playback, self.fall_limits
+                        )
+                    self._trackers[playback].expect(desired)
             playlist.drop_over(time_ns)
             if moving:
                 self._settle(model, moved_base)
@@ -239,13 +243,6 @@ class Motions:
     def show(self) -> None:
         """Record that the present state is published."""
         self._is_shown = True
-
-    def _expect(self, model: Model, playback: Playback, desired: Setpoint) -> None:
-        """Record the motors' targets of the next step."""
-        if playback not in self._trackers:
-            tracker = MotionTracker(self._engine, model, playback, self.fall_limits)
-            self._trackers[playback] = tracker
-        self._trackers[playback].expect(desired)
 
     def measure(self, time_ns: int) -> None:
         """Compare the models with their motions after a step, at a time in [ns]."""
@@ -268,11 +265,19 @@ class Motions:
         return tracked
 
     def _set(self, model: Model, desired: Setpoint) -> Setpoint:
-        """Set a model or its motors' targets, clamped to the limits; return them."""
+        """Set a model or its motors' targets; return them.
+
+        Joints too far beyond their limits are clamped, and stopped.
+        """
         model.commanded[desired.rows] = desired.positions
         if desired.base_pose is not None:
             model.commanded_base = desired.base_pose
-        desired = _inside_limits(model, desired)
+        lower = model.lower[desired.rows] - LIMIT_TOLERANCE
+        upper = model.upper[desired.rows] + LIMIT_TOLERANCE
+        inside = np.minimum(np.maximum(desired.positions, lower), upper)
+        is_inside = inside == desired.positions
+        velocities = np.where(is_inside, desired.velocities, 0.0)
+        desired = desired._replace(positions=inside, velocities=velocities)
         if self._engine.is_dynamic:
             model.target[desired.rows] = desired.positions
             self._engine.follow(model, *desired[:3])
@@ -287,16 +292,6 @@ def _state(model: Model) -> Setpoint:
     rows = np.arange(len(model.joint_names))
     base = (model.root_poses[0], model.root_twists[0]) if model.trees else ()
     return Setpoint(rows, model.target, model.velocity, *base)
-
-
-def _inside_limits(model: Model, desired: Setpoint) -> Setpoint:
-    """Clamp joints that are too far beyond their limits, and stop them."""
-    lower = model.lower[desired.rows] - LIMIT_TOLERANCE
-    upper = model.upper[desired.rows] + LIMIT_TOLERANCE
-    positions = desired.positions
-    inside = np.minimum(np.maximum(positions, lower), upper)
-    velocities = np.where(inside == positions, desired.velocities, 0.0)
-    return desired._replace(positions=inside, velocities=velocities)
 
 
 def _report(model: Model, motion: Motion) -> Report:

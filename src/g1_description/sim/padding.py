@@ -66,7 +66,11 @@ def padded(
     if begin is not None:
         parts.insert(0, _way(robot, motion, 0, begin, seconds, period))
     if end is not None:
-        parts.append(_backwards(_way(robot, motion, -1, end, seconds, period)))
+        way = _way(robot, motion, -1, end, seconds, period)
+        way = _in_order(way, np.arange(len(way.times))[::-1])
+        if way.velocities is not None:
+            way = replace(way, velocities=-way.velocities)
+        parts.append(way)
     return joined(parts, follows=False)
 
 
@@ -120,14 +124,6 @@ def _way(
         bases[:, 2] = weights[:, 0] * (base[2] + lowest[-1]) - lowest
         way = replace(way, base_poses=bases)
     return _in_order(way, np.arange(count))
-
-
-def _backwards(way: Motion) -> Motion:
-    """Turn a way round."""
-    turned = _in_order(way, np.arange(len(way.times))[::-1])
-    if turned.velocities is None:
-        return turned
-    return replace(turned, velocities=-turned.velocities)
 
 
 def _in_order(way: Motion, rows: np.ndarray) -> Motion:

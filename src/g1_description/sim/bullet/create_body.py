@@ -114,7 +114,9 @@ def create_body(
         DescriptionError: If PyBullet refuses the model.
     """
     description, fixed = model.assembly.description.trees[tree], model.trees[tree].fixed
-    with tempfile.TemporaryDirectory(dir=_temporary_folder()) as folder:
+    usual = tempfile.gettempdir()
+    parent = usual if usual.isascii() else "/tmp"  # else PyBullet crashes
+    with tempfile.TemporaryDirectory(dir=parent) as folder:
         forms = _Forms(meshes, Path(folder), model.assembly.static)
         rows = _rows(description, forms, drives.armature_by_name)
         if len(rows) > MAX_JOINTS + 1:
@@ -138,12 +140,6 @@ def create_body(
     _set_dynamics(client, number, rows)
     model.hull_deviations.update(forms.deviations)
     return number, [row.name for row in rows]
-
-
-def _temporary_folder() -> str:
-    """Return a folder for temporary files; PyBullet crashes with non-ASCII names."""
-    usual = tempfile.gettempdir()
-    return usual if usual.isascii() else "/tmp"
 
 
 def _rows(
@@ -172,33 +168,22 @@ def _rows(
         places[name] = place = len(rows)
         is_world = joint is None and name == WORLD
         inertial = NO_MASS if is_world else inertial_of(links[name])
-        if joint is not None and joint.kind != "prismatic":
-            inertial = _with_rotor(inertial, joint.axis, armature.get(joint.name, 0.0))
-        all_forms = forms.of(links[name].collisions, anchor)
-        first, *others = _groups(all_forms)
+        rotor = 0.0 if joint is None else armature.get(joint.name, 0.0)
+        if joint is not None and joint.kind != "prismatic" and rotor:
+            # PyBullet has no rotors. These also resist turns of the link above, which
+            # those of real gears do not.
+            unit = joint.axis / np.linalg.norm(joint.axis)
+            inertia = inertial.inertia + rotor * np.outer(unit, unit)
+            inertial = replace(inertial, inertia=inertia)
+        own = forms.of(links[name].collisions, anchor)
+        begins = range(0, max(len(own), 1), MAX_TOGETHER)
+        first, *others = (own[begin : begin + MAX_TOGETHER] for begin in begins)
         rows.append(_Row(name, parent, joint, position, anchor, inertial, first))
         rows += [
             _Row(name, place, None, np.zeros(3), anchor, NO_MASS, group)
             for group in others
         ]
     return rows
-
-
-def _groups(forms: Sequence[Form]) -> list[Sequence[Form]]:
-    """Split shapes into groups of at most ``MAX_TOGETHER``; at least one group."""
-    begins = range(0, max(len(forms), 1), MAX_TOGETHER)
-    return [forms[begin : begin + MAX_TOGETHER] for begin in begins]
-
-
-def _with_rotor(inertial: Inertial, axis: np.ndarray, armature: float) -> Inertial:
-    """Add the inertia of a rotor about its joint's axis: PyBullet has no rotors.
-
-    They also resist turns of the link above, which those of real gears do not.
-    """
-    if not armature:
-        return inertial
-    unit = axis / np.linalg.norm(axis)
-    return replace(inertial, inertia=inertial.inertia + armature * np.outer(unit, unit))
 
 
 def _create(

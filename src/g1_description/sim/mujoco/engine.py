@@ -366,16 +366,11 @@ class MujocoEngine(Engine):
         data.qfrc_applied[:] = 0.0
         is_valid = np.isfinite(data.qpos).all() and np.isfinite(data.qacc).all()
         if not is_valid or not (np.abs(data.qvel) <= MAX_SPEED).all():
-            self._stop_at(before)
-
-    def _stop_at(self, positions: np.ndarray) -> None:
-        """Go back to the positions before a step that failed, at rest."""
-        data = self._data
-        data.qpos[:] = positions
-        for name in ("qvel", "qacc", "qacc_warmstart", "actuator_force"):
-            getattr(data, name)[:] = 0.0
-        data.efc_force[:] = 0.0
-        self._failure = FAILURE
+            data.qpos[:] = before
+            for name in ("qvel", "qacc", "qacc_warmstart", "actuator_force"):
+                getattr(data, name)[:] = 0.0
+            data.efc_force[:] = 0.0
+            self._failure = FAILURE
 
     def _apply_forces(self) -> None:
         """Write the forces of this step."""
@@ -500,23 +495,19 @@ class MujocoEngine(Engine):
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
         mujoco.mj_collision(model, data)
+        # Degrees of freedom of the first body above that is not fixed to its parent.
+        freedoms = model.body_dofnum[model.body_weldid]
         pairs = set()
         for number in range(data.ncon):
             contact = data.contact[number]
             if contact.dist > 0.0:
                 continue
             ends = [self._geoms[geom] for geom in contact.geom]
-            if any(self._can_move(*end) for end in ends):
+            if any(freedoms[self._rows[m.name].bodies[link]] for m, link in ends):
                 names = (f"{owner.name}{SCOPE}{link}" for owner, link in ends)
                 first, second = sorted(names)
                 pairs.add((first, second))
         return pairs
-
-    def _can_move(self, model: Model, link: str) -> bool:
-        """Return whether physics can move a link."""
-        body = self._rows[model.name].bodies[link]
-        # The first body above that is not fixed to its parent.
-        return bool(self._model.body_dofnum[self._model.body_weldid[body]])
 
 
 def damping_ratios(restitutions: np.ndarray) -> np.ndarray:

@@ -84,7 +84,10 @@ class WorldFile:
                 "</worldbody><contact>",
                 *self._pairs(),
                 "</contact><actuator>",
-                *(_actuator(f"j{number}") for number in range(self._n_joints)),
+                *(
+                    f'<general joint="j{number}" biastype="affine"/>'
+                    for number in range(self._n_joints)
+                ),
                 "</actuator></mujoco>",
             ]
         )
@@ -251,11 +254,6 @@ class WorldFile:
                 )
             names.append(self._meshes[key])
         return names
-
-
-def _actuator(joint: str) -> str:
-    """Write the actuator of a joint, whose gains are set after the compilation."""
-    return f'<general joint="{joint}" biastype="affine"/>'
 
 
 def _thick(points: np.ndarray) -> np.ndarray:
