@@ -59,9 +59,11 @@ def parser() -> OneSentenceParser:
         description="Run the simulator in place of Gazebo. Options of gzserver without "
         "help are ignored, with a log message.",
     )
+    manifest = ElementTree.parse(share_folder() / "package.xml")
+    version = f"g1_description {manifest.findtext('version')}, a stand-in for Gazebo 11"
     made.set_defaults(ignored=[])
     made.add_argument("world", nargs="*", help="world file (SDF)")
-    made.add_argument("-v", "--version", action="version", version=_version())
+    made.add_argument("-v", "--version", action="version", version=version)
     made.add_argument("-u", "--pause", action="store_true", help="start paused")
     made.add_argument("--verbose", action="store_true", help="accepted")
     made.add_argument(
@@ -80,13 +82,6 @@ def parser() -> OneSentenceParser:
     for names in IGNORED_OPTIONS:
         made.add_argument(*names, dest="ignored", action=Ignored, metavar="VALUE")
     return made
-
-
-def _version() -> str:
-    """Return the version of the package, as --version prints it."""
-    manifest = ElementTree.parse(share_folder() / "package.xml")
-    version = manifest.findtext("version")
-    return f"g1_description {version}, a stand-in for Gazebo 11"
 
 
 def find_world(name: str) -> str:

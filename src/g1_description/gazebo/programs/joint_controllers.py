@@ -119,7 +119,15 @@ class JointControllers:
             )
         if not self._is_checked:
             self._is_checked = True
-            self._check(states.joint_names)
+            for joint in self._joints:
+                if joint not in states.joint_names:
+                    rospy.logerr(
+                        "%s has no joint %s, whose controller does nothing. Known "
+                        "joints: %s",
+                        self._model,
+                        joint,
+                        listed(similar_first(joint, states.joint_names)),
+                    )
         row = {name: number for number, name in enumerate(states.joint_names)}
         efforts = states.tau or [0.0] * len(states.q)
         for joint, publisher in zip(self._joints, self._states):
@@ -127,19 +135,6 @@ class JointControllers:
                 n = row[joint]
                 state = MotorState(q=states.q[n], dq=states.dq[n], tau_est=efforts[n])
                 publisher.publish(state)
-
-    def _check(self, known: Sequence[str]) -> None:
-        """Log the joints of controllers that the model does not have."""
-        for joint in self._joints:
-            if joint not in known:
-                near = listed(similar_first(joint, known))
-                rospy.logerr(
-                    "%s has no joint %s, whose controller does nothing. Known "
-                    "joints: %s",
-                    self._model,
-                    joint,
-                    near,
-                )
 
     def run(self) -> None:
         """Pass commands on until the node is shut down."""

@@ -90,17 +90,14 @@ def parser() -> OneSentenceParser:
 def parse(arguments: list[str]) -> argparse.Namespace:
     """Read a command line; exit on an error."""
     reader = parser()
-    args = reader.parse_args([_shielded(word) for word in arguments])
+    # A space before a negative number: argparse takes -1e-3 for an option.
+    words = [re.sub(r"^(?=-\.?\d)", " ", word) for word in arguments]
+    args = reader.parse_args(words)
     try:
         args.joints = {name: number(position) for name, position in args.joints}
     except argparse.ArgumentTypeError as error:
         reader.error(f"argument -J: {error}")
     return args
-
-
-def _shielded(word: str) -> str:
-    """Put a space before a negative number: argparse takes -1e-3 for an option."""
-    return f" {word}" if re.match(r"-\.?\d", word) else word
 
 
 def read_text(args: argparse.Namespace) -> str:

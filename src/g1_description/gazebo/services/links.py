@@ -132,20 +132,15 @@ def get_properties(simulation: Simulation, request):
         if link.inertial is None:
             detail = "its mass is unknown"
         else:
-            _write_inertial(response, link.inertial)
+            inertial, center = link.inertial, response.com.position
+            response.mass = inertial.mass
+            center.x, center.y, center.z = inertial.center_of_mass.tolist()
+            response.ixx, response.ixy, response.ixz = inertial.inertia[0].tolist()
+            response.iyy, response.iyz = inertial.inertia[1, 1:].tolist()
+            response.izz = float(inertial.inertia[2, 2])
     message = "GetLinkProperties: got properties"
     response.status_message = simulation.message(message, detail)
     return response
-
-
-def _write_inertial(response, inertial: Inertial) -> None:
-    """Write mass properties into a response."""
-    center = response.com.position
-    response.mass = inertial.mass
-    center.x, center.y, center.z = inertial.center_of_mass.tolist()
-    response.ixx, response.ixy, response.ixz = inertial.inertia[0].tolist()
-    response.iyy, response.iyz = inertial.inertia[1, 1:].tolist()
-    response.izz = float(inertial.inertia[2, 2])
 
 
 def set_properties(simulation: Simulation, request):
