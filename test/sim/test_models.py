@@ -7,7 +7,10 @@ from oracle import assert_poses_close
 from scipy.spatial.transform import Rotation
 
 from g1_description.errors import DescriptionError, UnknownNameError
-from g1_description.gazebo.services.spawn import parse_sdf_request, parse_urdf_request
+from g1_description.gazebo.services.models import (
+    parse_sdf_request,
+    parse_urdf_request,
+)
 from g1_description.robot.transform import compose, inverse
 from g1_description.sdf.world import read_sdf
 

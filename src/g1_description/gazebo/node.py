@@ -27,17 +27,15 @@ from gazebo_msgs.msg import LinkState, ModelState
 
 from g1_description.errors import G1DescriptionError
 from g1_description.gazebo.parameters import GazeboParameters
-from g1_description.gazebo.reconfigure import offer_physics
-from g1_description.gazebo.services import joints, links, models, spawn
+from g1_description.gazebo.services import joints, links, models
 from g1_description.gazebo.services import time as times
 from g1_description.gazebo.services import world as worlds
 from g1_description.gazebo.services.base import RefusalError, Simulation, make_callback
 from g1_description.gazebo.start import make_world, spawn_robot
 from g1_description.gazebo.topics import StateTopics, tracking_message
 from g1_description.msg import ModelTrajectory, MotorCommands, TrackingReport
-from g1_description.ros.gazebo_log import publish_log
 from g1_description.ros.lifecycle import quiet_when_closing, start_node
-from g1_description.ros.log import SHORT_PERIOD
+from g1_description.ros.log import SHORT_PERIOD, publish_log
 from g1_description.ros.parameters import read_parameters
 from g1_description.ros.rospy_tcp import serve_as_roscpp
 from g1_description.sim.world import World
@@ -63,21 +61,19 @@ class Calls:
         self._is_over = False
 
     def serve(self, name: str, answer, *prepare):
-        """Make the callback of a service; ``get_*`` is answered outside of the loop.
+        """Make the callback of a service.
+
+        ``get_*`` is answered outside of the loop, at once, from the state after the
+        last step: the loop may be busy all the time, such as with a robot lying on the
+        floor.
 
         Args:
             name: Name of the service.
             answer: The function that answers.
             prepare: A function that parses the request in the caller's thread.
         """
-        make = self._outside_the_loop if name.startswith("get_") else self.in_the_loop
-        return make(answer, *prepare)
-
-    def _outside_the_loop(self, answer):
-        """Make a callback that answers at once, from the state after the last step.
-
-        The loop may be busy all the time, such as with a robot lying on the floor.
-        """
+        if not name.startswith("get_"):
+            return self.in_the_loop(answer, *prepare)
 
         def handler(request):
             with self._lock:
@@ -193,13 +189,14 @@ class GazeboNode:
                 queue_size=None,
                 tcp_nodelay=True,
             )
-        for module in (models, links, joints, worlds, spawn, times):
+        for module in (models, links, joints, worlds, times):
             for name, kind, answer, *parse in module.SERVICES:
                 answer = make_callback(self._simulation, kind, answer)
                 prepare = (partial(one, world.is_dynamic) for one in parse)
                 handler = self._calls.serve(name, answer, *prepare)
                 rospy.Service(f"~{name}", kind, handler)
-        offer_physics(world.properties, self._calls.in_the_loop(self._reconfigure))
+        reconfigure = partial(worlds.reconfigure, self._simulation)
+        worlds.offer_physics(world.properties, self._calls.in_the_loop(reconfigure))
 
     def _on_message(self, topic: str, act, message) -> None:
         """Apply a message, or log why it is refused."""
@@ -211,25 +208,17 @@ class GazeboNode:
             warning = f"{topic[1:]}: refused, {error}"
             self._simulation.log.warn(topic, warning, SHORT_PERIOD)
 
-    def _reconfigure(self, numbers: dict) -> dict:
-        """Change physics properties; return the current ones if that is refused."""
-        try:
-            worlds.change_physics(self._simulation, numbers)
-        except G1DescriptionError as error:
-            rospy.logerr("set_parameters: refused, %s", error)
-            properties, kept = self._world.properties, {*worlds.UNSETTABLE}
-            return {n: getattr(properties, n) for n in numbers if n not in kept}
-        rospy.loginfo("physics dynamics reconfigure update complete")
-        rospy.loginfo("physics dynamics reconfigure complete")
-        return {}
-
     def run(self) -> None:
         """Step, publish and answer until the node is shut down."""
         due = time.monotonic()
         while not rospy.is_shutdown():
             now = time.monotonic()
             if self._is_silent or not self._is_running:
-                self._answer_one(self._stand_still())
+                wait = SILENCE_POLL
+                if not self._is_silent:  # changes while time stands still
+                    with quiet_when_closing():
+                        wait = min(self._topics.settle(), MAX_WAIT)
+                self._answer_one(wait)
                 due = time.monotonic()
                 continue
             due = min(due, now + self._world.properties.period)
@@ -242,18 +231,6 @@ class GazeboNode:
                 due = max(due + self._world.properties.period, now - MAX_WAIT)
         self._stepper.cancel()
         self._calls.cancel()
-
-    def _stand_still(self) -> float:
-        """Publish changes while time stands still.
-
-        Returns:
-            How long to wait for a call, in [s].
-        """
-        wait = SILENCE_POLL
-        if not self._is_silent:
-            with quiet_when_closing():
-                wait = min(self._topics.settle(), MAX_WAIT)
-        return wait
 
     @property
     def _is_silent(self) -> bool:
@@ -288,14 +265,10 @@ class GazeboNode:
             self._simulation.log.warn("physics", failure, log=rospy.logerr)
         with quiet_when_closing():
             self._topics.publish(self._stepper.is_last_step)
-            self._publish_tracking()
+            for tracker in self._world.motions.take_tracked() if self._tracking else ():
+                rospy.loginfo("%s: %s", tracker.model.name, tracker.report)
+                self._tracking.publish(tracking_message(tracker))
         self._stepper.count()
-
-    def _publish_tracking(self) -> None:
-        """Publish and log the reports of motions that ended in this step."""
-        for tracker in self._world.motions.take_tracked() if self._tracking else ():
-            rospy.loginfo("%s: %s", tracker.model.name, tracker.report)
-            self._tracking.publish(tracking_message(tracker))
 
 
 def main(given=None, on_start=lambda: None) -> None:

@@ -11,7 +11,7 @@ from g1_description.errors import DescriptionError, InvalidValueError
 from g1_description.files.model_files import find_model
 from g1_description.files.xml import decoded
 from g1_description.gazebo.parameters import INITIAL, GazeboParameters, place_robot
-from g1_description.gazebo.services.spawn import log_hulls
+from g1_description.gazebo.services.models import log_hulls
 from g1_description.motion.motors import Motors, named_motors, read_motors
 from g1_description.robot.assembly import Assembly
 from g1_description.robot.profile import is_name

@@ -1,7 +1,8 @@
-"""A throttled log of recurring faults."""
+"""A throttled log of recurring faults, and the simulator's /rosout."""
 
 from __future__ import annotations
 
+import logging
 import math
 import threading
 import time
@@ -9,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import rospy
+from rosgraph_msgs.msg import Log
 
 LOG_PERIOD = 10.0
 """Minimum time between two lines on one fault, in [s] of wall time."""
@@ -121,3 +123,46 @@ class ThrottledLog:
                 if line:
                     log("%s", line)
             time.sleep(MIN_CHECK_PERIOD)
+
+
+ROSOUT_LEVELS = {
+    logging.DEBUG: Log.DEBUG,
+    logging.INFO: Log.INFO,
+    logging.WARNING: Log.WARN,
+    logging.ERROR: Log.ERROR,
+    logging.CRITICAL: Log.FATAL,
+}
+
+
+class RosoutHandler(logging.Handler):
+    """Publishes log messages on /rosout as roscpp does: not latched.
+
+    rospy latches it, so each new subscriber gets the last line again.
+    Used with ``rospy.init_node(..., disable_rosout=True)``.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._topic = rospy.Publisher("/rosout", Log, queue_size=100)
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Publish a line, unless the node is shutting down."""
+        message = Log(
+            level=ROSOUT_LEVELS.get(record.levelno, Log.INFO),
+            name=rospy.get_name(),
+            msg=self.format(record),
+            file=record.filename,
+            line=record.lineno,
+            function=record.funcName,
+        )
+        message.header.stamp = rospy.get_rostime()
+        try:
+            self._topic.publish(message)
+        except rospy.ROSException:
+            if not rospy.core.is_shutdown_requested():
+                self.handleError(record)
+
+
+def publish_log() -> None:
+    """Publish rospy's log on /rosout from now on."""
+    logging.getLogger("rosout").addHandler(RosoutHandler())
