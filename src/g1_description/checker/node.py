@@ -18,7 +18,6 @@ from pathlib import Path
 
 import rospy
 
-from g1_description.checker.ik_service import IkService
 from g1_description.checker.live import LiveChecks
 from g1_description.checker.markers import LiveMarkers
 from g1_description.checker.parameters import (
@@ -26,7 +25,7 @@ from g1_description.checker.parameters import (
     base_frame,
     wait_for_robot,
 )
-from g1_description.checker.services import CheckServices
+from g1_description.checker.services import CheckServices, IkService
 from g1_description.checks.checker import Checker
 from g1_description.collisions.find_pairs import collisions_of
 from g1_description.collisions.self_collisions import SelfCollisions

@@ -1,7 +1,8 @@
-"""The services that check configurations and motions.
+"""The services that check configurations and motions, and find configurations.
 
 Services: ~check_state (g1_description/CheckState),
-    ~check_trajectory (g1_description/CheckTrajectory)
+    ~check_trajectory (g1_description/CheckTrajectory),
+    ~solve_ik (g1_description/SolveIK)
 """
 
 from __future__ import annotations
@@ -9,14 +10,31 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 
+import numpy as np
 import rospy
 from geometry_msgs.msg import Point
+from sensor_msgs.msg import JointState
 
 from g1_description.checks.checker import Checker
 from g1_description.checks.verdict import Finding, Verdict
-from g1_description.errors import G1DescriptionError, MotionError
+from g1_description.collisions.self_collisions import SelfCollisions
+from g1_description.errors import (
+    G1DescriptionError,
+    InvalidValueError,
+    MotionError,
+)
+from g1_description.ik.inverse_kinematics import IkOptions, InverseKinematics
 from g1_description.msg import Finding as FindingMessage
-from g1_description.ros.conversions import joint_states_to_arrays, pose_to_array
+from g1_description.robot.arrays import as_array
+from g1_description.robot.description import Description
+from g1_description.robot.poses import ZERO, Pose, pose_positions
+from g1_description.robot.state import RobotState
+from g1_description.robot.transform import IDENTITY
+from g1_description.ros.conversions import (
+    joint_states_to_arrays,
+    pose_from_array,
+    pose_to_array,
+)
 from g1_description.ros.map_frame import MapFrame
 from g1_description.ros.motion_messages import (
     pose_from_numbers,
@@ -29,6 +47,9 @@ from g1_description.srv import (
     CheckTrajectory,
     CheckTrajectoryRequest,
     CheckTrajectoryResponse,
+    SolveIK,
+    SolveIKRequest,
+    SolveIKResponse,
 )
 
 
@@ -134,3 +155,104 @@ def _answer(kind, verdict: Verdict):
         skipped_lines(verdict),
         " ".join(verdict.notes),
     )
+
+
+class IkService:
+    """The service; each connection has its own thread."""
+
+    def __init__(
+        self,
+        robot: Description,
+        make_collisions: Callable[[], SelfCollisions],
+        present: Callable[[], RobotState | None],
+        frame: MapFrame,
+    ) -> None:
+        """Advertise the service.
+
+        Args:
+            robot: The robot.
+            make_collisions: Prepares its self-collisions, which may take seconds.
+            present: Returns the state of the robot; None if it is unknown.
+            frame: Transforms targets to the map.
+        """
+        self._present, self._frame = present, frame
+        self._names = tuple(joint.name for joint in robot.movable_joints)
+        self._neutral = pose_positions(Pose(ZERO), robot)
+        self._inverse = InverseKinematics(robot, make_collisions)
+        self._lock = threading.Lock()
+        rospy.Service("~solve_ik", SolveIK, self._solve)
+
+    def _solve(self, request: SolveIKRequest) -> SolveIKResponse:
+        """Answer a request."""
+        try:
+            targets = self._targets(request)
+            positions, base = self._start(request)
+            if request.hold and request.hold_nothing:
+                raise InvalidValueError("hold must be empty with hold_nothing.")
+            if request.has_base and not request.joint_state.name:
+                raise InvalidValueError("base_pose needs joint_state with positions.")
+            hold = () if request.hold_nothing else request.hold or None
+            motion = "fixed" if request.fixed_base else None
+            options = IkOptions(
+                fixed_links=hold,
+                balance=request.balance,
+                avoid_collisions=request.avoid_collisions,
+                base_motion=motion,
+            )
+            with self._lock:
+                found = self._inverse.solve(targets, positions, base, options)
+        except G1DescriptionError as error:
+            return SolveIKResponse(status_message=str(error))
+        errors = found.errors.values()
+        return SolveIKResponse(
+            True,
+            found.reached,
+            JointState(name=self._names, position=found.positions),
+            pose_from_array(found.base),
+            list(found.errors),
+            [error.position for error in errors],
+            [np.nan if e.rotation is None else e.rotation for e in errors],
+            found.message,
+        )
+
+    def _targets(self, request: SolveIKRequest) -> dict[str, np.ndarray]:
+        """Read the targets in the map, by link."""
+        names, poses = request.ik_link_names, request.pose_stamped_vector
+        only = request.position_only or [False] * len(names)
+        if not len(names) == len(poses) == len(only):
+            raise InvalidValueError(
+                "ik_link_names and pose_stamped_vector must have the same length, "
+                f"position_only that or none (got {len(names)}, {len(poses)} and "
+                f"{len(request.position_only)})."
+            )
+        repeated = [name for name in names if names.count(name) > 1]
+        if repeated:
+            raise InvalidValueError(f"{repeated[0]} has several targets.")
+        targets = {}
+        for name, stamped, is_free in zip(names, poses, only):
+            pose = pose_to_array(stamped.pose)
+            header = stamped.header
+            pose = self._frame.pose_in_map(pose, header.frame_id, header.stamp)
+            targets[name] = pose[:3] if is_free else pose
+        return targets
+
+    def _start(self, request: SolveIKRequest) -> tuple[np.ndarray, np.ndarray]:
+        """Read the configuration at which the search starts."""
+        base = IDENTITY
+        if request.joint_state.name:
+            names, positions, _ = joint_states_to_arrays(request.joint_state)
+            own = dict(zip(names, positions.tolist()))
+            if request.has_base:
+                base = pose_from_numbers(pose_to_array(request.base_pose))
+        else:
+            state = self._present()
+            if state is None or state.base_pose is None:
+                missing = "state" if state is None else "base"
+                raise InvalidValueError(
+                    f"The {missing} of the robot is unknown: joint_state must have the "
+                    "joints at which the search starts, or the checker needs a ~rate, "
+                    "joint_states and TF."
+                )
+            own = {n: v for n, v in state.positions_by_name.items() if n in self._names}
+            base = state.base_pose
+        return as_array(own, self._names, self._neutral), base
