@@ -22,7 +22,7 @@ from sensor_msgs.msg import JointState
 from g1_description.robot.description import Joint, clamped_to_limits
 from g1_description.ros.conversions import pose_from_array
 from g1_description.ros.log import SHORT_PERIOD, ThrottledLog
-from g1_description.ros.master import SERVICE_ERRORS
+from g1_description.ros.waiting import SERVICE_ERRORS
 from g1_description.text import did_you_mean, listed
 
 MAX_NAMES = 50
@@ -95,7 +95,9 @@ class CommandTally:
                 unknown.append(name)
         problems = [
             *_unpaired(names, positions),
-            unknown and _unknown(unknown, self._joints),
+            unknown
+            and f"unknown joint {listed(unknown)}"
+            + did_you_mean(unknown[0], self._joints),
             not_finite and f"positions must be finite: {listed(not_finite)}",
         ]
         ignored = "; ".join(filter(None, problems))
@@ -119,11 +121,6 @@ class CommandTally:
         """How long a request has been waiting for the simulator's answer, in [s]."""
         since = self.waiting_since
         return 0.0 if since is None else time.monotonic() - since
-
-
-def _unknown(names: Sequence[str], joints: Iterable[str]) -> str:
-    """Describe unknown joints, with the joint that the first one may mean."""
-    return f"unknown joint {listed(names)}{did_you_mean(names[0], joints)}"
 
 
 def _unpaired(names: Sequence[str], positions: Sequence[float]) -> Iterator[str]:

@@ -18,7 +18,7 @@ from g1_description.bridge.state_source import StateSource
 from g1_description.bridge.status import SPAWN_GRACE, RobotStatus
 from g1_description.ros.lifecycle import quiet_when_closing
 from g1_description.ros.log import ThrottledLog
-from g1_description.ros.master import SERVICE_ERRORS
+from g1_description.ros.waiting import SERVICE_ERRORS
 from g1_description.text import listed
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
@@ -156,9 +156,8 @@ class BridgeHealth:
             reason = refused[0].commands.reason
             status.summary(WARN, f"command to {names} refused: {reason}")
         for robot in self._robots:
-            _report_recent(status, robot)
             scope = f"{robot.name}::" if len(self._robots) > 1 else ""
-            _add_counts(status, robot, scope)
+            _report_robot(status, robot, scope)
         waiting = max(tally.waiting for tally in tallies)
         if waiting > MAX_ANSWER_TIME:
             status.summary(ERROR, f"the simulator has not answered for {waiting:.0f} s")
@@ -195,8 +194,8 @@ class BridgeHealth:
         return status
 
 
-def _report_recent(status, robot: RobotStatus) -> None:
-    """Warn of recently clamped or ignored commands."""
+def _report_robot(status, robot: RobotStatus, scope: str) -> None:
+    """Warn of recently clamped or ignored commands, and report their counts."""
     recent = time.monotonic() - RECENT
     ignored = robot.commands.last_ignored
     if ignored and ignored[0] > recent:
@@ -206,10 +205,6 @@ def _report_recent(status, robot: RobotStatus) -> None:
     if clamped:
         text = f"clamped to the limits of {robot.name}: {listed(clamped)}"
         status.mergeSummary(WARN, text)
-
-
-def _add_counts(status, robot: RobotStatus, scope: str) -> None:
-    """Report counts of motions, and of clamped and ignored positions by joint."""
     # Copies: other threads count commands meanwhile.
     for event, count in robot.motions.copy().items():
         status.add(f"{scope}{event}", count)

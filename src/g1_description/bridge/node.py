@@ -50,10 +50,10 @@ from g1_description.robot.launch_arguments import check_trails
 from g1_description.ros.lifecycle import quiet_when_closing, start_node
 from g1_description.ros.log import SHORT_PERIOD, ThrottledLog
 from g1_description.ros.map_frame import MapFrame
-from g1_description.ros.master import watch_publishers
 from g1_description.ros.parameters import read_parameters
 from g1_description.ros.publisher import DirectPublisher
 from g1_description.ros.rospy_tcp import serve_as_roscpp
+from g1_description.ros.waiting import watch_publishers
 from g1_description.ros.wire import LinkStatesArrays, MotorArrays
 from g1_description.text import listed
 
@@ -167,7 +167,13 @@ class BridgeNode:
             return
         stamp, went_back = rising
         if went_back:
-            self._reset(stamp)
+            text = "Time went back: the bridge starts over."
+            self._log.warn("time", text, SHORT_PERIOD, rospy.loginfo)
+            self._estimator.reset()
+            for robot in self._robots:
+                robot.begin_again()
+            for action in self._actions:
+                action.reset(stamp)
         found = self._estimator.update(*states, stamp)
         if self._estimator.duplicates:
             names = listed(self._estimator.duplicates)
@@ -179,16 +185,6 @@ class BridgeNode:
             robot.publish(state, problems, motors.get(robot.status.name))
         for action in self._actions:
             action.on_state()
-
-    def _reset(self, stamp: int) -> None:
-        """Start again, as simulated time did, at a time in [ns]."""
-        text = "Time went back: the bridge starts over."
-        self._log.warn("time", text, SHORT_PERIOD, rospy.loginfo)
-        self._estimator.reset()
-        for robot in self._robots:
-            robot.begin_again()
-        for action in self._actions:
-            action.reset(stamp)
 
     def _keep_house(self) -> None:
         """Run the periodic work until the node is shut down."""

@@ -22,8 +22,8 @@ from g1_description.motion.playlist import Playlist, Setpoint
 from g1_description.msg import ModelTrajectory
 from g1_description.robot.state import RobotState
 from g1_description.ros.conversions import model_trajectory, pose_from_array
-from g1_description.ros.master import SERVICE_ERRORS, SLAVE_API_ERRORS
 from g1_description.ros.publisher import DirectPublisher
+from g1_description.ros.waiting import SERVICE_ERRORS, SLAVE_API_ERRORS
 from g1_description.ros.wire import MotorArrays
 from g1_description.srv import SetAnchor, SetAnchorResponse, SetModelTrajectory
 

@@ -14,7 +14,7 @@ import rospy
 
 from g1_description.errors import WireFormatError
 from g1_description.ros.log import ThrottledLog
-from g1_description.ros.master import SLAVE_API_ERRORS
+from g1_description.ros.waiting import SLAVE_API_ERRORS
 from g1_description.ros.wire import LinkStatesArrays, LinkStatesDecoder, MotorArrays
 
 MAX_IN_A_ROW = 100
@@ -195,7 +195,13 @@ class StateSource:
         To be called every few hundredths of a second.
         """
         with self.lock:
-            self._use_kept()
+            if self._kept:
+                (data, since), now = self._kept, rospy.Time.now().to_nsec()
+                is_due = now - self._stamp >= self._min_interval
+                if now < self._stamp:  # it is from before a reset
+                    self._kept = None
+                elif is_due or time.monotonic() - since > MAX_KEEP_TIME:
+                    self._decode(data, now)
         if not self._stamped:
             return
         is_needed = not self._stamped.get_num_connections()
@@ -205,17 +211,6 @@ class StateSource:
         elif self._unstamped and not is_needed and any(self._has_stamps.values()):
             self._unstamped.unregister()
             self._unstamped = None
-
-    def _use_kept(self) -> None:
-        """Use the kept state if it is due."""
-        if not self._kept:
-            return
-        (data, since), now = self._kept, rospy.Time.now().to_nsec()
-        is_due = now - self._stamp >= self._min_interval
-        if now < self._stamp:  # it is from before a reset
-            self._kept = None
-        elif is_due or time.monotonic() - since > MAX_KEEP_TIME:
-            self._decode(data, now)
 
 
 MAX_STEP_BACK = 100_000

@@ -14,9 +14,9 @@ from urllib.parse import urlparse
 import rosgraph
 import rospy
 
-from g1_description.ros.master import SLAVE_API_ERRORS
 from g1_description.ros.waiting import (
     MASTER_PERIOD,
+    SLAVE_API_ERRORS,
     NoAnswerError,
     RefusedError,
     wait_until,

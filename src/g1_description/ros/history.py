@@ -16,8 +16,7 @@ from g1_description.motion.history import CommandStream, HistoryPart
 from g1_description.motion.history_chunks import Command, Stretch, joined
 from g1_description.msg import ModelTrajectory, ReceivedCommands
 from g1_description.ros.conversions import stamp_from_ns
-from g1_description.ros.master import SERVICE_ERRORS
-from g1_description.ros.waiting import NoAnswerError, RefusedError
+from g1_description.ros.waiting import SERVICE_ERRORS, NoAnswerError, RefusedError
 from g1_description.srv import GetHistory, GetHistoryResponse
 
 
@@ -230,7 +229,7 @@ class HistoryClient:
                         self._name, GetHistory, persistent=True
                     )
                 try:
-                    return _checked(self._service(**request))
+                    answer = self._service(**request)
                 except SERVICE_ERRORS as error:
                     self.close()
                     if is_new:
@@ -239,6 +238,10 @@ class HistoryClient:
                             f"is the namespace right? {error}"
                         ) from error
                     is_new = True
+                else:
+                    if not answer.success:
+                        raise RefusedError(answer.status_message)
+                    return answer
 
     def close(self) -> None:
         """Close the connection; the next question makes a new one."""
@@ -301,17 +304,6 @@ def _part(answer: GetHistoryResponse) -> HistoryPart:
         answer.last.to_nsec(),
         answer.status_message,
     )
-
-
-def _checked(answer: GetHistoryResponse) -> GetHistoryResponse:
-    """Return an answer that is a success.
-
-    Raises:
-        RefusedError: If it is not.
-    """
-    if not answer.success:
-        raise RefusedError(answer.status_message)
-    return answer
 
 
 def _flat(array: np.ndarray | None) -> list[float]:

@@ -31,10 +31,10 @@ from g1_description.ros.conversions import pose_from_array
 from g1_description.ros.history import HistoryClient
 from g1_description.ros.lifecycle import quiet_when_closing
 from g1_description.ros.log import ThrottledLog
-from g1_description.ros.master import SERVICE_ERRORS
 from g1_description.ros.motion_messages import configuration_message
 from g1_description.ros.playing import MotionClient, set_anchor
 from g1_description.ros.robot_states import RobotStates
+from g1_description.ros.waiting import SERVICE_ERRORS
 from g1_description.srv import GetAnchor, PlayMotion, SetAnchor
 from g1_description.web.live_simulator import LiveSimulator
 

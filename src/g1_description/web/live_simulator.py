@@ -29,7 +29,7 @@ from g1_description.robot.launch_arguments import ENGINES
 from g1_description.robot.state import RobotState
 from g1_description.ros.connection import Connection
 from g1_description.ros.conversions import pose_from_array
-from g1_description.ros.master import SERVICE_ERRORS
+from g1_description.ros.waiting import SERVICE_ERRORS
 from g1_description.srv import SetGantry, SetRealTimeFactor, Step
 
 PERIOD = 1.0
