@@ -88,11 +88,6 @@ class RobotStatus:
             command = Command(sender, topic, content, tuple(known))
             self.history.add_command(command, [*known.values()])
 
-    @property
-    def is_in_grace(self) -> bool:
-        """Whether the bridge has just started, and the robot may still be spawned."""
-        return time.monotonic() - self.start < SPAWN_GRACE
-
     @cached_property
     def vanishes(self) -> bool:
         """Whether Gazebo drops all of its links, as none has mass."""
