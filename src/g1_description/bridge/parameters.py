@@ -18,7 +18,12 @@ from g1_description.robot.assembly import base_of
 from g1_description.robot.description import Description
 from g1_description.robot.transform import IDENTITY
 from g1_description.ros.conversions import transform
-from g1_description.ros.parameters import check_range, read_robot, wait_for_parameter
+from g1_description.ros.parameters import (
+    check_prefix,
+    check_range,
+    read_robot,
+    wait_for_parameter,
+)
 
 _KINDS = {"controllers": (list, tuple)}
 
@@ -97,7 +102,7 @@ class BridgeParameters:
             check_range(self, name, 0.0, 3600.0)
         check_range(self, "max_rate", 0.0, 1e6)
         check_range(self, "history", 0.0, 1e6)
-        _check_prefix("~frame_prefix", self.frame_prefix)
+        check_prefix("The ~frame_prefix", self.frame_prefix)
         for key in ("name", "namespace", "frame_prefix"):
             values = [getattr(robot, key) for robot in self.each_robot]
             twice = sorted({value for value in values if values.count(value) > 1})
@@ -165,7 +170,7 @@ def _robot(number: int, entry, controllers: tuple[dict, ...]) -> RobotParameters
             f"namespace of ~robots[{number}] must be a ROS name (got '{namespace}')."
         )
     prefix = entry.get("frame_prefix", namespace and f"{namespace}/")
-    _check_prefix(f"frame_prefix of ~robots[{number}]", prefix)
+    check_prefix(f"The frame_prefix of ~robots[{number}]", prefix)
     return RobotParameters(
         name,
         namespace,
@@ -173,14 +178,6 @@ def _robot(number: int, entry, controllers: tuple[dict, ...]) -> RobotParameters
         prefix,
         tuple(entry.get("controllers", controllers)),
     )
-
-
-def _check_prefix(kind: str, prefix: str) -> None:
-    """Check that a prefix is also a valid tf_prefix of robot_state_publisher."""
-    if prefix and (prefix.startswith("/") or not prefix.endswith("/")):
-        raise InvalidValueError(
-            f"The {kind} must end with a slash and not begin with one (got '{prefix}')."
-        )
 
 
 def wait_for_descriptions(

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import genpy
-import numpy as np
 import rosbag
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
@@ -32,8 +31,11 @@ def write_bag(path: Path, motion: Motion, robot: Description, begin: int) -> Non
     with rosbag.Bag(str(path), "w") as bag:
         _write_static(bag, stamp_from_ns(begin), static_edges(frames, robot))
         for number, stamp in enumerate(map(stamp_from_ns, stamps)):
-            velocities = None if t.velocities is None else t.velocities[number]
-            state = _joint_state(stamp, t.joint_names, t.positions[number], velocities)
+            positions = t.positions[number].tolist()
+            state = JointState(name=t.joint_names, position=positions)
+            state.header.stamp = stamp
+            if t.velocities is not None:
+                state.velocity = t.velocities[number].tolist()
             bag.write("/joint_states", state, stamp)
             if t.base_poses is not None and base is not None:
                 pose = t.base_poses[number].tolist()
@@ -55,17 +57,3 @@ def _write_static(
     }
     message = TFMessage([transform(stamp, *edge, IDENTITY) for edge in edges])
     bag.write(topic, message, stamp, connection_header=header)
-
-
-def _joint_state(
-    stamp: genpy.Time,
-    names: Sequence[str],
-    positions: np.ndarray,
-    velocities: np.ndarray | None,
-) -> JointState:
-    """Make a message."""
-    message = JointState(name=names, position=positions.tolist())
-    message.header.stamp = stamp
-    if velocities is not None:
-        message.velocity = velocities.tolist()
-    return message

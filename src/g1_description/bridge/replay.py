@@ -20,7 +20,7 @@ from g1_description.bridge.parameters import BridgeParameters, base_child, stati
 from g1_description.errors import G1DescriptionError, InvalidValueError
 from g1_description.motion.files.formats import read_motion
 from g1_description.motion.files.source import ReadOptions
-from g1_description.motion.motion import Motion, Sample, sample
+from g1_description.motion.motion import Motion, sample
 from g1_description.motion.paths import motion_path
 from g1_description.robot.description import Description
 from g1_description.robot.transform import IDENTITY
@@ -138,23 +138,18 @@ class Replay:
     def _show(self, stamp: rospy.Time, time: float) -> None:
         """Publish the configuration at a time of the motion."""
         found = sample(self._motion, time)
-        self._states.publish(self._message(stamp, found))
+        message = JointState(name=self._names)
+        message.header.stamp = stamp
+        # Joints without a motion are at zero.
+        position, velocity = np.zeros(len(self._names)), np.zeros(len(self._names))
+        position[self._columns] = found.positions
+        velocity[self._columns] = self._parameters.speed * found.velocities
+        message.position, message.velocity = position.tolist(), velocity.tolist()
+        self._states.publish(message)
         if self._base is not None:
             pose = IDENTITY if found.base_poses is None else found.base_poses
             edge = transform(stamp, self._frames.map_frame, self._base, pose.tolist())
             self._tf.sendTransform(edge)
-
-    def _message(self, stamp: rospy.Time, found: Sample) -> JointState:
-        """Return joint states; joints without a motion are at zero."""
-        message = JointState(name=self._names)
-        message.header.stamp = stamp
-        position, velocity = np.zeros(len(self._names)), np.zeros(len(self._names))
-        position[self._columns], velocity[self._columns] = (
-            found.positions,
-            self._parameters.speed * found.velocities,
-        )
-        message.position, message.velocity = position.tolist(), velocity.tolist()
-        return message
 
 
 def report(motion: Motion) -> None:

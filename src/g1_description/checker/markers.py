@@ -201,7 +201,11 @@ class LiveMarkers:
         """Replace the shown markers; fixed ones are locked to a frame."""
         shown = {_key(marker): marker for marker in (*fixed, *moving)}
         last, self._shown = self._shown, shown
-        gone = [_removed(marker) for key, marker in last.items() if key not in shown]
+        gone = [
+            Marker(header=one.header, ns=one.ns, id=one.id, action=Marker.DELETE)
+            for key, one in last.items()
+            if key not in shown
+        ]
         new = [marker for marker in fixed if _key(marker) not in last]
         if gone or new or moving:
             self._topic.publish(MarkerArray([*gone, *new, *moving]))
@@ -227,9 +231,3 @@ class LiveMarkers:
 
 def _key(marker: Marker) -> tuple[str, int]:
     return marker.ns, marker.id
-
-
-def _removed(marker: Marker) -> Marker:
-    removal = Marker(ns=marker.ns, id=marker.id, action=Marker.DELETE)
-    removal.header = marker.header
-    return removal

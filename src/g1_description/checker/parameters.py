@@ -9,11 +9,11 @@ import rospy
 
 from g1_description.checks.thresholds import Thresholds
 from g1_description.checks.thresholds_file import read_thresholds
-from g1_description.errors import InvalidValueError
 from g1_description.robot.assembly import WORLD, base_of
 from g1_description.robot.description import Description
 from g1_description.ros.parameters import (
     check_files,
+    check_prefix,
     check_range,
     read_robot,
     wait_for_parameter,
@@ -55,12 +55,7 @@ class CheckerParameters:
         """Check ranges."""
         check_range(self, "rate", 0.0, 1000.0)
         check_range(self, "limit_margin", 0.0, 10.0)
-        prefix = self.frame_prefix
-        if prefix and (prefix.startswith("/") or not prefix.endswith("/")):
-            raise InvalidValueError(
-                f"~frame_prefix must end with a slash and not begin with one (got "
-                f"'{prefix}')."
-            )
+        check_prefix("~frame_prefix", self.frame_prefix)
         check_files(self, "thresholds", "collisions")
 
     def read_thresholds(self) -> Thresholds:

@@ -126,7 +126,7 @@ class InteractiveMarkers:
         Raises:
             ROSInterruptException: If it is shut down before there is a state.
         """
-        self._robot.wait_until(self._is_known, None)
+        self._robot.wait_until(self._poses, None)
         self._insert()
         at_shutdown(self._clear)
         due = 0.0
@@ -138,7 +138,11 @@ class InteractiveMarkers:
                 else:
                     role, act = "", lambda: None
             with quiet_when_closing():
-                self._do(role, act)
+                try:
+                    act()
+                except G1DescriptionError as error:
+                    self._log.warn("refused", str(error))
+                    self._show(role, str(error))
                 if time.monotonic() >= due:
                     due = time.monotonic() + PERIOD
                     self._follow()
@@ -150,19 +154,6 @@ class InteractiveMarkers:
                 self._todo.pop()
             self._todo.append((kind, role, act))
             self._new.notify()
-
-    def _do(self, role: str, act: Callable[[], object]) -> None:
-        """Call a function; report its refusal."""
-        try:
-            act()
-        except G1DescriptionError as error:
-            self._log.warn("refused", str(error))
-            self._show(role, str(error))
-
-    def _is_known(self) -> bool:
-        """Return whether the state is known."""
-        state = self._robot.state
-        return state is not None and state.base_pose is not None
 
     def _command(self, positions: dict[str, float], base: np.ndarray) -> None:
         """Command a configuration."""

@@ -53,42 +53,39 @@ def trajectory_from_message(
     positions = _rows(points, "positions", len(names))
     velocities = None
     if any(point.velocities for point in points):
-        _check_all_have_velocities(points)
+        without = [n for n, point in enumerate(points, 1) if not point.velocities]
+        if without:
+            raise MotionError(
+                f"Point {without[0]} has no velocities; all points or none must have "
+                "them."
+            )
         velocities = _rows(points, "velocities", len(names))
     return Motion(_times(points), tuple(names), positions, velocities)
-
-
-def message_of_joints(motion: Motion) -> JointTrajectory:
-    """Convert the joints of a motion that starts now; times to whole [ns]."""
-    speeds = motion.velocities
-    rates = [[]] * len(motion.times) if speeds is None else speeds.tolist()
-    message = JointTrajectory(joint_names=list(motion.joint_names))
-    message.points = [
-        JointTrajectoryPoint(positions=row, velocities=rate, time_from_start=time)
-        for row, rate, time in zip(
-            motion.positions.tolist(), rates, durations_of(motion)
-        )
-    ]
-    return message
 
 
 def whole_body_message(
     motion: Motion, stamp: genpy.Time | None = None
 ) -> RobotTrajectory:
     """Convert a motion of joints and base; it starts at a time, by default at once."""
-    message = RobotTrajectory()
+    message, times = RobotTrajectory(), durations_of(motion)
+    joints, base = message.joint_trajectory, message.multi_dof_joint_trajectory
     if motion.joint_names:
-        message.joint_trajectory = message_of_joints(motion)
-    base = message.multi_dof_joint_trajectory
+        speeds = motion.velocities
+        rates = [[]] * len(times) if speeds is None else speeds.tolist()
+        joints.joint_names = list(motion.joint_names)
+        joints.points = [
+            JointTrajectoryPoint(positions=row, velocities=rate, time_from_start=time)
+            for row, rate, time in zip(motion.positions.tolist(), rates, times)
+        ]
     if motion.base_poses is not None:
         base.joint_names = ["base"]
         base.points = [
             MultiDOFJointTrajectoryPoint(
                 transforms=[to_transform(pose)], time_from_start=time
             )
-            for pose, time in zip(motion.base_poses.tolist(), durations_of(motion))
+            for pose, time in zip(motion.base_poses.tolist(), times)
         ]
-    for part in (message.joint_trajectory, base):
+    for part in (joints, base):
         part.header.stamp = stamp or genpy.Time()
     return message
 
@@ -141,15 +138,6 @@ def check_joint_names(names: Sequence[str], joints: Collection[str]) -> None:
         raise UnknownNameError(
             f"The trajectory has unknown joints: {listed(unknown)}; the joints are "
             f"{listed(similar_first(unknown[0], joints))}."
-        )
-
-
-def _check_all_have_velocities(points: Sequence[JointTrajectoryPoint]) -> None:
-    """Check that all points have velocities."""
-    without = [n for n, point in enumerate(points, 1) if not point.velocities]
-    if without:
-        raise MotionError(
-            f"Point {without[0]} has no velocities; all points or none must have them."
         )
 
 

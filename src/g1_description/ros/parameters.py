@@ -44,6 +44,18 @@ def check_files(parameters, *names):
             raise InvalidValueError(f"~{name} must be an absolute path (got '{file}').")
 
 
+def check_prefix(subject: str, prefix: str) -> None:
+    """Check that a prefix is also a valid tf_prefix of robot_state_publisher.
+
+    Raises:
+        InvalidValueError: If it is not.
+    """
+    if prefix and (prefix.startswith("/") or not prefix.endswith("/")):
+        raise InvalidValueError(
+            f"{subject} must end with a slash and not begin with one (got '{prefix}')."
+        )
+
+
 def read_parameters(kind, given=None):
     """Read a node's private parameters.
 

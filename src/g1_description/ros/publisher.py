@@ -135,7 +135,7 @@ class DirectPublisher(rospy.SubscribeListener):
                     raise
 
     def _update(self) -> None:
-        """Take up new subscribers, and forget those that have left."""
+        """Send the newest message to new subscribers; forget those that have left."""
         connections = self._publisher.impl.connections
         if connections is self._connections:
             return
@@ -143,17 +143,14 @@ class DirectPublisher(rospy.SubscribeListener):
         peers, poll = [], select.poll()  # numbers of sockets are used again
         for connection in connections:
             with contextlib.suppress(OSError, AttributeError):  # it has disconnected
-                peer = known.get(connection) or self._greeted(connection)
+                peer = known.get(connection)
+                if peer is None:
+                    peer = Peer(self._publisher.impl, connection, self._queue_size)
+                    if self._newest is not None:
+                        peer.send(self._newest)
                 poll.register(peer.descriptor, select.POLLOUT)
                 peers.append(peer)
         self._connections, self._poll, self._peers = connections, poll, peers
-
-    def _greeted(self, connection) -> Peer:
-        """Make a subscriber of a connection; it gets the newest message."""
-        peer = Peer(self._publisher.impl, connection, self._queue_size)
-        if self._newest is not None:
-            peer.send(self._newest)
-        return peer
 
     def _send(self, message) -> None:
         """Send a message to each subscriber, or queue it."""
