@@ -70,11 +70,6 @@ def finding_message(finding: Finding) -> FindingMessage:
     )
 
 
-def skipped_lines(verdict: Verdict) -> list[str]:
-    """List the skipped checks, each with the reason."""
-    return [f"{name}: {reason}" for name, reason in verdict.skipped.items()]
-
-
 class CheckServices:
     """The services; each connection has its own thread."""
 
@@ -144,15 +139,16 @@ class CheckServices:
 
 def _answer(kind, verdict: Verdict):
     """Convert a verdict to the response of either service."""
+    skipped = [f"{name}: {reason}" for name, reason in verdict.skipped.items()]
     if verdict.nothing_made:
-        return kind(status_message=verdict.nothing_made, skipped=skipped_lines(verdict))
+        return kind(status_message=verdict.nothing_made, skipped=skipped)
     return kind(
         True,
         verdict.passed,
         verdict.severity,
         [finding_message(finding) for finding in verdict.findings],
         list(verdict.checked),
-        skipped_lines(verdict),
+        skipped,
         " ".join(verdict.notes),
     )
 
