@@ -8,7 +8,7 @@ from g1_description.errors import DescriptionError, NoSuchModelError
 from g1_description.files.model_files import find_model
 from g1_description.files.uris import package_name
 from g1_description.files.xml import decoded
-from g1_description.gazebo import start as gazebo_start
+from g1_description.gazebo import node as gazebo_node
 
 
 @pytest.fixture
@@ -115,7 +115,7 @@ def test_a_world_and_a_manifest_are_in_the_encoding_that_they_declare(tmp_path):
     begin = '<?xml version="1.0" encoding="ISO-8859-1"?>'
     world = f'{begin}<sdf version="1.7"><light name="ü"/></sdf>'.encode("latin-1")
     (tmp_path / "l.world").write_bytes(world)
-    (light,) = gazebo_start._content(str(tmp_path / "l.world")).lights
+    (light,) = gazebo_node._content(str(tmp_path / "l.world")).lights
     assert light.name == "ü"
     manifest = f"{begin}<package><name>p</name><author>ü</author></package>"
     (tmp_path / "package.xml").write_bytes(manifest.encode("latin-1"))

@@ -8,7 +8,7 @@ from conftest import PROFILE, REPOSITORY, VENDOR
 
 from g1_description.api import Robot
 from g1_description.errors import DescriptionError, ProfileError, UnknownNameError
-from g1_description.gazebo.start import figures
+from g1_description.gazebo.node import figures
 from g1_description.motion.files.conventions import G1_JOINTS
 from g1_description.motion.motors import ServoMotor, motors_of
 from g1_description.robot.description import Joint

@@ -46,9 +46,9 @@ from support.ros_testing import (
 )
 
 from g1_description.errors import DescriptionError
+from g1_description.gazebo.node import make_world
 from g1_description.gazebo.parameters import GazeboParameters, SpawnParameters
 from g1_description.gazebo.programs import spawn_model, spawn_robot
-from g1_description.gazebo.start import make_world
 
 SHELF = REPOSITORY / "test" / "data" / "shelf.world"
 MODELS = ["ground_plane", "shelf", "cube"]

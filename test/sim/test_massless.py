@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from g1_description.gazebo.start import figures
+from g1_description.gazebo.node import figures
 from g1_description.robot.lumping import lump_fixed_joints
 from g1_description.robot.urdf import parse_urdf
 
@@ -81,7 +81,7 @@ def test_where_things_move_they_vanish_as_in_gazebo(make_world):
 def test_contacts_of_what_has_no_mass_are_found(make_world):
     world = make_world()
     world.spawn_urdf("m", arm(middle=BOX), HIGH * [1, 1, 0, 1, 1, 1, 1])
-    assert world.contacts() == {("ground_plane::link", "m::middle")}
+    assert world.engine.contacts() == {("ground_plane::link", "m::middle")}
 
 
 CALF = arm(MASS, MASS, MASS).replace('lower="-2" upper="2"', 'lower="-2" upper="-0.5"')

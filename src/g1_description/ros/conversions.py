@@ -13,7 +13,6 @@ from geometry_msgs.msg import (
     TransformStamped,
     Twist,
     Vector3,
-    Wrench,
 )
 from sensor_msgs.msg import JointState
 
@@ -36,12 +35,6 @@ def stamp_from_ns(time_ns: int) -> genpy.Time:
 def vector_to_array(vector: Vector3 | Point) -> np.ndarray:
     """Convert a vector or point, shape (3,)."""
     return np.array([vector.x, vector.y, vector.z])
-
-
-def wrench_to_array(wrench: Wrench) -> np.ndarray:
-    """Convert a wrench, force then torque, shape (6,)."""
-    parts = (vector_to_array(part) for part in (wrench.force, wrench.torque))
-    return np.concatenate([*parts])
 
 
 def pose_to_array(pose: Pose) -> np.ndarray:

@@ -161,8 +161,3 @@ class RosoutHandler(logging.Handler):
         except rospy.ROSException:
             if not rospy.core.is_shutdown_requested():
                 self.handleError(record)
-
-
-def publish_log() -> None:
-    """Publish rospy's log on /rosout from now on."""
-    logging.getLogger("rosout").addHandler(RosoutHandler())

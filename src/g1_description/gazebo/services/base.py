@@ -21,7 +21,7 @@ from g1_description.errors import (
 )
 from g1_description.robot.description import clamped_to_limits
 from g1_description.robot.rotation import normalized
-from g1_description.ros.conversions import pose_to_array, twist_to_array
+from g1_description.ros.conversions import pose_to_array
 from g1_description.ros.log import ThrottledLog
 from g1_description.sim.forces import Span
 from g1_description.sim.model import Model, Report
@@ -177,15 +177,6 @@ def checked_pose(message) -> np.ndarray:
     pose = checked("pose", pose_to_array(message))
     pose[3:] = normalized(pose[3:])
     return pose
-
-
-def checked_twist(message) -> np.ndarray:
-    """Read a twist.
-
-    Raises:
-        InvalidValueError: If a number is NaN, infinite or too large.
-    """
-    return checked("twist", twist_to_array(message))
 
 
 def checked(label: str, numbers) -> np.ndarray:

@@ -1,8 +1,4 @@
-"""gazebo_ros' services about joints, answered as the real Gazebo does.
-
-Services that change the world run in the simulator's loop, between two steps; the
-others (get_*) run outside of the loop, while nothing changes.
-"""
+"""gazebo_ros' services about joints, answered as the real Gazebo does."""
 
 from __future__ import annotations
 

@@ -1,8 +1,4 @@
-"""gazebo_ros' services about links, answered as the real Gazebo does.
-
-Services that change the world run in the simulator's loop, between two steps; the
-others (get_*) run outside of the loop, while nothing changes.
-"""
+"""gazebo_ros' services about links, answered as the real Gazebo does."""
 
 from __future__ import annotations
 
@@ -27,7 +23,6 @@ from g1_description.gazebo.services.base import (
     Simulation,
     checked,
     checked_pose,
-    checked_twist,
     found,
     time_span,
 )
@@ -37,8 +32,8 @@ from g1_description.robot.transform import IDENTITY, compose, inverse
 from g1_description.ros.conversions import (
     pose_from_array,
     twist_from_array,
+    twist_to_array,
     vector_to_array,
-    wrench_to_array,
 )
 from g1_description.ros.log import SHORT_PERIOD
 from g1_description.sim.entities import WORLD_FRAME, seen_from
@@ -101,7 +96,8 @@ def put_link(simulation: Simulation, state: LinkState) -> str:
         "SetLinkState: failed",
         "Updating LinkState: reference_frame is not a valid entity name",
     )
-    pose, twist = checked_pose(state.pose), checked_twist(state.twist)
+    pose = checked_pose(state.pose)
+    twist = checked("twist", twist_to_array(state.twist))
     if frame is WORLD_FRAME:
         rospy.loginfo(
             "Updating LinkState: reference_frame is empty/world/map, "
@@ -191,7 +187,8 @@ def apply_wrench(simulation: Simulation, request):
         "ApplyBodyWrench: reference_frame not found",
         "ApplyBodyWrench: reference_frame is not a valid entity name",
     )
-    wrench = checked("wrench", wrench_to_array(request.wrench))
+    parts = map(vector_to_array, (request.wrench.force, request.wrench.torque))
+    wrench = checked("wrench", np.concatenate([*parts]))
     point = checked("reference point", vector_to_array(request.reference_point))
     force, torque = wrench.reshape(2, 3)
     torque = torque + np.cross(point, force)

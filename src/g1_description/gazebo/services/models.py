@@ -1,8 +1,6 @@
 """gazebo_ros' services about models, answered as the real Gazebo does.
 
-Services that change the world run in the simulator's loop, between two steps; the
-others (get_*) run outside of the loop, while nothing changes. The file of a request to
-spawn is parsed in the caller's thread, while time runs on.
+The file of a request to spawn is parsed in the caller's thread, while time runs on.
 """
 
 from __future__ import annotations
@@ -39,7 +37,6 @@ from g1_description.gazebo.services.base import (
     Simulation,
     checked,
     checked_pose,
-    checked_twist,
     found,
 )
 from g1_description.robot.assembly import SCOPE, Assembly
@@ -49,6 +46,7 @@ from g1_description.ros.conversions import (
     pose_from_array,
     stamp_from_ns,
     twist_from_array,
+    twist_to_array,
 )
 from g1_description.ros.parameters import parse_robot
 from g1_description.sdf.world import Light, Sdf, SdfModel, read_sdf
@@ -177,7 +175,8 @@ def put_model(simulation: Simulation, state: ModelState) -> str:
         f"Updating ModelState: for model[{name}], specified reference frame entity "
         f"[{frame}] does not exist",
     )
-    pose, twist = checked_pose(state.pose), checked_twist(state.twist)
+    pose = checked_pose(state.pose)
+    twist = checked("twist", twist_to_array(state.twist))
     world.set_model_state(model, pose, twist, seen)
     detail = simulation.no_effect("the twist is ignored") if twist.any() else ""
     return simulation.message("SetModelState: set model state done", detail)

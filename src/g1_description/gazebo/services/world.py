@@ -1,9 +1,6 @@
-"""gazebo_ros' services about physics and lights, answered as the real Gazebo does.
+"""gazebo_ros' services about physics, lights and time, answered as Gazebo does.
 
 Physics is offered through dynamic_reconfigure, too, as there.
-
-Services that change the world run in the simulator's loop, between two steps; the
-others (get_*) run outside of the loop, while nothing changes.
 """
 
 from __future__ import annotations
@@ -26,18 +23,38 @@ from gazebo_msgs.srv import (
     SetPhysicsProperties,
 )
 from std_msgs.msg import ColorRGBA
+from std_srvs.srv import Empty
 
-from g1_description.errors import G1DescriptionError, InvalidValueError
+from g1_description.errors import (
+    G1DescriptionError,
+    InvalidValueError,
+    UnknownNameError,
+)
 from g1_description.gazebo.services.base import (
     RefusalError,
     Simulation,
     checked,
     checked_pose,
     found,
+    remarks,
 )
-from g1_description.ros.conversions import vector_to_array
+from g1_description.ros.conversions import (
+    pose_from_array,
+    stamp_from_ns,
+    twist_from_array,
+    vector_to_array,
+)
 from g1_description.sim.engine import GRAVITY_AXES, PhysicsProperties
-from g1_description.srv import SetRealTimeFactor
+from g1_description.sim.model import Model, Report
+from g1_description.sim.world import World
+from g1_description.srv import (
+    SetRealTimeFactor,
+    Step,
+    StepModel,
+    StepModelResponse,
+    StepResponse,
+)
+from g1_description.text import listed, similar_first
 
 UNSETTABLE = ("auto_disable_bodies", "sor_pgs_rms_error_tol")
 """Properties that Gazebo ignores when set."""
@@ -183,43 +200,25 @@ def reconfigure(simulation: Simulation, numbers: dict) -> dict:
     return {}
 
 
-RANGES = {
-    "time_step": (0.0, 10.0),
-    "max_update_rate": (0.0, 1000.0),
-    "gravity_x": (-100.0, 100.0),
-    "gravity_y": (-100.0, 100.0),
-    "gravity_z": (-100.0, 100.0),
-    "auto_disable_bodies": (False, True),
-    "sor_pgs_precon_iters": (0, 10_000),
-    "sor_pgs_iters": (0, 10_000),
-    "sor_pgs_w": (0.0, 5.0),
-    "sor_pgs_rms_error_tol": (-1.0, 10_000.0),
-    "cfm": (0.0, 10.0),
-    "erp": (0.0, 10.0),
-    "contact_surface_layer": (0.0, 10.0),
-    "contact_max_correcting_vel": (0.0, 1e7),
-    "max_contacts": (0, 10_000_000),
+RECONFIGURABLE = {
+    "time_step": (0.0, 10.0, 0.001),
+    "max_update_rate": (0.0, 1000.0, 60.0),
+    "gravity_x": (-100.0, 100.0, 0.0),
+    "gravity_y": (-100.0, 100.0, 0.0),
+    "gravity_z": (-100.0, 100.0, -9.8),
+    "auto_disable_bodies": (False, True, False),
+    "sor_pgs_precon_iters": (0, 10_000, 0),
+    "sor_pgs_iters": (0, 10_000, 20),
+    "sor_pgs_w": (0.0, 5.0, 1.3),
+    "sor_pgs_rms_error_tol": (-1.0, 1e4, -1.0),
+    "cfm": (0.0, 10.0, 0.0),
+    "erp": (0.0, 10.0, 0.2),
+    "contact_surface_layer": (0.0, 10.0, 0.001),
+    "contact_max_correcting_vel": (0.0, 1e7, 100.0),
+    "max_contacts": (0, 10_000_000, 100),
 }
-"""Range of each property, in Gazebo's order."""
-
-DEFAULTS = {
-    "time_step": 0.001,
-    "max_update_rate": 60.0,
-    "gravity_x": 0.0,
-    "gravity_y": 0.0,
-    "gravity_z": -9.8,
-    "auto_disable_bodies": False,
-    "sor_pgs_precon_iters": 0,
-    "sor_pgs_iters": 20,
-    "sor_pgs_w": 1.3,
-    "sor_pgs_rms_error_tol": -1.0,
-    "cfm": 0.0,
-    "erp": 0.2,
-    "contact_surface_layer": 0.001,
-    "contact_max_correcting_vel": 100.0,
-    "max_contacts": 100,
-}
-"""Defaults that gazebo_ros reports. They are not Gazebo's initial values."""
+"""Range and default of each property that gazebo_ros reports, in Gazebo's order. The
+defaults are not Gazebo's initial values."""
 
 GROUP = {"name": "Default", "state": True, "id": 0, "parent": 0}
 """The only group, with all properties."""
@@ -234,7 +233,9 @@ _MEANINGS = {
 def _configuration() -> SimpleNamespace:
     """Return the equivalent of a generated module, for dynamic_reconfigure's server."""
     groups = {"groups": {**GROUP, "groups": {}}}
-    kinds = {name: _KINDS[type(low)] for name, (low, _) in RANGES.items()}
+    names, rows = [*RECONFIGURABLE], zip(*RECONFIGURABLE.values())
+    lows, highs, defaults = (dict(zip(names, row)) for row in rows)
+    kinds = {name: _KINDS[type(low)] for name, low in lows.items()}
     parameters = [
         {
             "name": name,
@@ -242,16 +243,16 @@ def _configuration() -> SimpleNamespace:
             "level": 1,
             "description": _MEANINGS.get(name, name.replace("_", " ")),
             "edit_method": "",
-            "default": DEFAULTS[name],
+            "default": default,
             "min": low,
             "max": high,
         }
-        for name, (low, high) in RANGES.items()
+        for name, (low, high, default) in RECONFIGURABLE.items()
     ]
     return SimpleNamespace(
-        defaults={**DEFAULTS, **groups},
-        min={**{name: low for name, (low, _) in RANGES.items()}, **groups},
-        max={**{name: high for name, (_, high) in RANGES.items()}, **groups},
+        defaults={**defaults, **groups},
+        min={**lows, **groups},
+        max={**highs, **groups},
         type=kinds,
         config_description={
             **GROUP,
@@ -286,7 +287,7 @@ def offer_physics(properties: PhysicsProperties, change) -> Server:
         change: Called with a dict of all properties after a change; returns those with
             other values.
     """
-    current = {name: getattr(properties, name) for name in RANGES}
+    current = {name: getattr(properties, name) for name in RECONFIGURABLE}
     server = None
 
     def changed(values, _):
@@ -294,13 +295,125 @@ def offer_physics(properties: PhysicsProperties, change) -> Server:
         if server is None:
             values.update(current)
             return values
-        kinds = {name: type(low) for name, (low, _) in RANGES.items()}
-        numbers = {name: kind(values[name]) for name, kind in kinds.items()}
+        numbers = {n: type(r[0])(values[n]) for n, r in RECONFIGURABLE.items()}
         values.update(change(numbers))
         return values
 
     server = _PhysicsServer(_configuration(), changed)
     return server
+
+
+def pause(simulation: Simulation, _):
+    """Pause time; requested steps are aborted."""
+    simulation.stepper.paused = True
+    simulation.stepper.end("pause_physics")
+
+
+def unpause(simulation: Simulation, _):
+    """Resume time."""
+    simulation.stepper.paused = False
+
+
+def reset_simulation(simulation: Simulation, _):
+    """Reset time to zero, and models and joints as spawned."""
+    simulation.world.reset()
+    simulation.stepper.end("reset_simulation")
+
+
+def reset_world(simulation: Simulation, _):
+    """Reset the poses of models; joints keep their positions."""
+    simulation.world.reset_models()
+    simulation.stepper.end("reset_world")
+
+
+def step(simulation: Simulation, request):
+    """Step; answered after the last step. Not in Gazebo."""
+
+    def respond(success, outcome):
+        return StepResponse(success, f"Step: {outcome}")
+
+    _check_steps(simulation, "Step", request.steps)
+    if not request.steps:
+        return respond(True, "0 steps done")
+    return simulation.stepper.request(request.steps, respond)
+
+
+def step_model(simulation: Simulation, request):
+    """Set a model, step, and answer with its state. Not in Gazebo."""
+    if request.steps:
+        _check_steps(simulation, "StepModel", request.steps)
+    world = simulation.world
+    model = world.model(request.model_name)
+    report = _set_model(world, model, request)
+
+    def respond(success, outcome):
+        message = "" if success else f"StepModel: {outcome}"
+        message = simulation.message(message, *remarks(model, report))
+        response = _model_state(world, model, success, message)
+        response.clamped = [*report.clamped]
+        return response
+
+    if not request.steps:
+        return respond(True, "0 steps done")
+    return simulation.stepper.request(request.steps, respond)
+
+
+def _check_steps(simulation: Simulation, service: str, steps: int) -> None:
+    """Check that steps can be requested.
+
+    Raises:
+        RefusalError: If time is running, or a step has no length.
+    """
+    if not simulation.stepper.paused:
+        why = "time is running; call pause_physics first"
+        raise RefusalError(f"{service}: refused, {why}")
+    if steps and not simulation.world.properties.step_ns:
+        raise RefusalError(f"{service}: refused, time_step is 0")
+
+
+def _set_model(world: World, model: Model, request) -> Report:
+    """Set a model's base and joints; nothing is changed on an error.
+
+    Raises:
+        UnknownNameError: If it has no such joint.
+        InvalidValueError: If a number is invalid.
+    """
+    names, positions = request.joint_names, request.joint_positions
+    if len(names) != len(positions):
+        raise InvalidValueError(
+            "joint_names and joint_positions must have the same length (got "
+            f"{len(names)} and {len(positions)})"
+        )
+    unknown = [name for name in names if name not in model.joint_names]
+    if unknown:
+        near = listed(similar_first(unknown[0], model.joint_names))
+        raise UnknownNameError(
+            f"{model.name} has no movable joint {listed(unknown)}, it has "
+            f"{near or 'none'}"
+        )
+    checked("joint_positions", positions)
+    pose = checked_pose(request.base_pose) if request.set_base else None
+    report = world.set_joint_positions(model.name, dict(zip(names, positions)))
+    if pose is not None:  # last: with an anchor, joints move the base
+        world.set_root_state(model, pose, model.twist * 0.0)
+    return report
+
+
+def _model_state(world: World, model: Model, success: bool, message: str):
+    """Return a model's state; none if it was deleted."""
+    if world.models.get(model.name) is not model:
+        reasons = filter(None, (message, f"StepModel: {model.name} was deleted"))
+        return StepModelResponse(success=False, status_message="; ".join(reasons))
+    response = StepModelResponse(success=success, status_message=message)
+    states = response.joint_states
+    states.header.stamp = stamp_from_ns(world.time_ns)
+    states.name = list(model.joint_names)
+    states.position = model.position.tolist()
+    states.velocity = model.velocity.tolist()
+    row = model.trees[0].root_row
+    response.base_pose = pose_from_array(model.poses[row])
+    response.base_twist = twist_from_array(model.twists[row])
+    return response
 
 
 SERVICES = (
@@ -310,5 +423,11 @@ SERVICES = (
     ("get_light_properties", GetLightProperties, get_light),
     ("set_light_properties", SetLightProperties, set_light),
     ("delete_light", DeleteLight, delete_light),
+    ("pause_physics", Empty, pause),
+    ("unpause_physics", Empty, unpause),
+    ("reset_simulation", Empty, reset_simulation),
+    ("reset_world", Empty, reset_world),
+    ("step", Step, step),
+    ("step_model", StepModel, step_model),
 )
 """Name under the node, type, and the function that answers."""
