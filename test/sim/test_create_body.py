@@ -50,7 +50,7 @@ def test_a_link_may_have_any_number_of_shapes(make_world, physics, count):
         touching = HIGH.copy()
         touching[0] += 2.0 * end + 0.9
         world.spawn_urdf("c", cube, touching)
-        assert world.contacts() == {("c::cube", "r::row")}
+        assert world.engine.contacts() == {("c::cube", "r::row")}
         world.delete("c")
     world.step()
     falls = world.is_dynamic * 10.0 * 1e-6  # [m], by Euler's semi-implicit step
@@ -177,7 +177,7 @@ def test_a_static_mesh_may_have_any_name(make_world, tmp_path):
     world = make_world()
     world.spawn_sdf("m", sdf(f'<collision name="c">{mesh}</collision>'), HIGH)
     cube(world)
-    assert world.contacts() == {("c::cube", "m::l")}
+    assert world.engine.contacts() == {("c::cube", "m::l")}
 
 
 def test_a_mesh_of_many_parts_is_one_shape(make_world, tmp_path):
@@ -204,5 +204,5 @@ def test_a_mesh_of_many_parts_is_one_shape(make_world, tmp_path):
     boxed = f'<robot name="c">{link("cube", MASS + small)}</robot>'
     for x, touched in ((198.0, {("c::cube", "r::l19")}), (197.0, set())):
         world.spawn_urdf("c", boxed, HIGH + np.array([x, 38.0, 0, 0, 0, 0, 0]))
-        assert world.contacts() == touched
+        assert world.engine.contacts() == touched
         world.delete("c")

@@ -95,7 +95,7 @@ def test_it_sags_by_its_load_over_its_stiffness(make_world):
 def test_a_look_for_contacts_leaves_the_efforts(make_world):
     world, model = arm(make_world, ServoMotor(), (0.0, 0.0, -9.8))
     world.run(0.1)
-    assert world.contacts() == set()
+    assert world.engine.contacts() == set()
     assert world.engine.efforts(model)[0] == pytest.approx(-9.8, rel=1e-3)
 
 

@@ -144,14 +144,14 @@ def test_gravity_and_the_time_step_change_at_once_and_spare_some_links(body):
 
 def test_links_that_touch_are_found_where_they_are_now(body):
     world, _ = body
-    assert world.contacts() == set()
+    assert world.engine.contacts() == set()
     world.put("body", UP * [1, 1, 0.05, 1, 1, 1, 1], np.zeros(6))
-    assert world.contacts() == {("body::base", "ground_plane::link")}
+    assert world.engine.contacts() == {("body::base", "ground_plane::link")}
     world.spawn_urdf("second", ROBOT, UP * [1, 1, 0.2, 1, 1, 1, 1])
     world.delete("ground_plane")
-    assert world.contacts() == {("body::base", "second::base")}
+    assert world.engine.contacts() == {("body::base", "second::base")}
     world.delete("second")
-    assert world.contacts() == set()
+    assert world.engine.contacts() == set()
     world.delete("body")
     world.step()
 

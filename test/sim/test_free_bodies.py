@@ -124,8 +124,8 @@ def test_links_of_one_model_pass_through_each_other_and_others_do_not(make_world
     world.spawn_urdf("one", above, at)
     world.run(1.5)
     assert link_pose(world, "one::ball")[2] == pytest.approx(0.1, abs=0.01)
-    assert ("ground_plane::link", "one::ball") in world.contacts()
-    assert ("one::a", "one::ball") not in world.contacts()
+    assert ("ground_plane::link", "one::ball") in world.engine.contacts()
+    assert ("one::a", "one::ball") not in world.engine.contacts()
 
 
 @pytest.mark.both_engines
@@ -142,7 +142,7 @@ def test_of_many_models_each_touches_all_others_and_the_ground(make_world):
         for pair in combinations([*names, "ground_plane::link"], 2)
         if pair[0].split("::")[0] != pair[1].split("::")[0]
     }
-    assert world.contacts() == expected
+    assert world.engine.contacts() == expected
 
 
 @pytest.mark.parametrize("physics", ["kinematic", "limp"])

@@ -182,9 +182,9 @@ def test_parts_of_a_mesh_are_hulls_of_their_own(make_world, tmp_path):
     cube = f'<robot name="c"><link name="b">{INERTIAL}<collision><geometry>'
     cube += '<box size="0.1 0.1 0.1"/></geometry></collision></link></robot>'
     world.spawn_urdf("cube", cube, UP)
-    assert world.contacts() == set()
+    assert world.engine.contacts() == set()
     world.put("cube", ASIDE, np.zeros(6))
-    assert world.contacts() == {("cube::b", "two::a")}
+    assert world.engine.contacts() == {("cube::b", "two::a")}
 
 
 def test_a_static_mesh_is_hollow_where_its_file_is(make_world, tmp_path):
@@ -201,9 +201,9 @@ def test_a_static_mesh_is_hollow_where_its_file_is(make_world, tmp_path):
     cube = f'<robot name="c"><link name="b">{INERTIAL}<collision><geometry>'
     cube += '<box size="0.1 0.1 0.1"/></geometry></collision></link></robot>'
     world.spawn_urdf("cube", cube, UP)
-    assert world.contacts() == set()
+    assert world.engine.contacts() == set()
     world.put("cube", ASIDE, np.zeros(6))
-    assert world.contacts() == {("cube::b", "walls::l")}
+    assert world.engine.contacts() == {("cube::b", "walls::l")}
 
 
 def shades(scene, places, camera):

@@ -188,7 +188,7 @@ def test_shapes_are_where_their_links_are_though_their_joint_is_beside(make_worl
         for distance, touches in ((0.105, True), (0.115, False)):
             pose = compose(tip, np.array([0, 0, distance, 0, 0, 0, 1]))
             world.put("ball", pose, np.zeros(6))
-            assert (("ball::body", "crank::arm") in world.contacts()) is touches
+            assert (("ball::body", "crank::arm") in world.engine.contacts()) is touches
 
 
 def test_a_root_link_moves_its_model_as_one(make_world):

@@ -273,13 +273,13 @@ def test_nothing_plays_where_nothing_drives(make_world):
 
 
 def test_contacts_are_those_of_the_motion(world, model):
-    assert not any("g1" in one for pair in world.contacts() for one in pair)
+    assert not any("g1" in one for pair in world.engine.contacts() for one in pair)
     pose = UPRIGHT.copy()
     pose[2] -= 0.02
     motion = Motion(np.zeros(1), (), np.zeros((1, 0)), base_poses=pose[np.newaxis])
     world.motions.play(model, motion, STEP)
     world.step()
-    touching = {link for pair in world.contacts() for link in pair}
+    touching = {link for pair in world.engine.contacts() for link in pair}
     assert "ground_plane::link" in touching
 
 

@@ -99,7 +99,7 @@ def test_a_robot_in_a_pose_stands_on_flat_soles_and_keeps_its_balance(
     distances = gaps(world, model)
     assert set(distances) >= set(FEET)
     assert 0.0 < min(map(min, distances.values())) < 0.003
-    assert not world.contacts()
+    assert not world.engine.contacts()
     poses = forward_kinematics(g1, np.array(model.pose), POSES[name].positions)
     for foot in FEET:
         up = Rotation.from_quat(poses[foot][3:]).apply([0.0, 0.0, 1.0])
@@ -326,6 +326,6 @@ def test_the_g1_touches_where_pybullet_sees_it_touch(make_world, g1):
         pose[2] = 1.0 - lowest + above
         world.spawn_urdf("g1", g1, pose)
         world.set_joint_positions("g1", dict(zip(names, (0.6, -0.3))))
-        links = {link for pair in world.contacts() for link in pair}
+        links = {link for pair in world.engine.contacts() for link in pair}
         assert ("ground_plane::link" in links) == touches
         pose[2] = 1.0

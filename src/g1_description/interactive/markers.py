@@ -127,7 +127,14 @@ class InteractiveMarkers:
             ROSInterruptException: If it is shut down before there is a state.
         """
         self._robot.wait_until(self._poses, None)
-        self._insert()
+        for role, pose in self._poses().items():
+            marker = make_marker(role, pose)
+            self._server.insert(marker, partial(self._on_feedback, role))
+        self._update_menus()
+        rospy.loginfo(
+            "Interactive markers are on %s/update, for RViz with its tool Interact.",
+            rospy.get_name(),
+        )
         at_shutdown(self._clear)
         due = 0.0
         while not rospy.is_shutdown():
@@ -160,17 +167,6 @@ class InteractiveMarkers:
         self._motion.publish(configuration_message(positions, base))
 
     # --- markers ---
-
-    def _insert(self) -> None:
-        """Insert the markers on their links."""
-        for role, pose in self._poses().items():
-            marker = make_marker(role, pose)
-            self._server.insert(marker, partial(self._on_feedback, role))
-        self._update_menus()
-        rospy.loginfo(
-            "Interactive markers are on %s/update, for RViz with its tool Interact.",
-            rospy.get_name(),
-        )
 
     def _clear(self) -> None:
         """Remove everything from RViz."""

@@ -67,7 +67,8 @@ def whole_body_message(
     motion: Motion, stamp: genpy.Time | None = None
 ) -> RobotTrajectory:
     """Convert a motion of joints and base; it starts at a time, by default at once."""
-    message, times = RobotTrajectory(), durations_of(motion)
+    message, counts = RobotTrajectory(), np.rint(1e9 * motion.times).tolist()
+    times = [genpy.Duration(*divmod(int(count), 1_000_000_000)) for count in counts]
     joints, base = message.joint_trajectory, message.multi_dof_joint_trajectory
     if motion.joint_names:
         speeds = motion.velocities
@@ -117,12 +118,6 @@ def motion_from_message(
     if motion is None:
         raise MotionError("The message has no points.")
     return motion
-
-
-def durations_of(motion: Motion) -> list[genpy.Duration]:
-    """Convert the times of a trajectory to the nearest whole [ns]."""
-    counts = (round(1e9 * time) for time in motion.times.tolist())
-    return [genpy.Duration(*divmod(count, 1_000_000_000)) for count in counts]
 
 
 def check_joint_names(names: Sequence[str], joints: Collection[str]) -> None:

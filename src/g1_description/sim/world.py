@@ -463,10 +463,6 @@ class World:
             self.gantries.renew(model)
         self.engine.rebuild(self.models.values())
 
-    def contacts(self) -> set[tuple[str, str]]:
-        """Return the links in contact, as ``Engine.contacts``."""
-        return self.engine.contacts()
-
 
 def _named(kind: str, things: Mapping[str, _Named], name: str) -> _Named:
     """Find a model or light by its name.

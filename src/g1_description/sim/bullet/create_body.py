@@ -329,7 +329,10 @@ class _Forms:
 
     def _write(self, hulls: Sequence[np.ndarray]) -> str:
         """Write the points of hulls, each with shape (n, 3); return the file's name."""
-        triangles = [_triples(points) for points in hulls]
+        triangles = []
+        for points in hulls:  # padded with the last one
+            padding = np.repeat(points[-1:], -len(points) % 3, axis=0)
+            triangles.append(np.concatenate([points, padding]).reshape(-1, 3, 3))
         if len(hulls) == 1:
             path = self._new_path(".stl")
             path.write_bytes(write_stl(triangles[0]))
@@ -360,12 +363,6 @@ def _obj_text(objects: Sequence[np.ndarray]) -> str:
         lines += [f"f {first} {first + 1} {first + 2}" for first in begins]
         count += len(corners)
     return "\n".join(lines) + "\n"
-
-
-def _triples(points: np.ndarray) -> np.ndarray:
-    """Write points, shape (n, 3), as triangles, padded with the last point."""
-    padding = np.repeat(points[-1:], -len(points) % 3, axis=0)
-    return np.concatenate([points, padding]).reshape(-1, 3, 3)
 
 
 def _create_shapes(client: BulletClient, forms: Sequence[Form]) -> int:
