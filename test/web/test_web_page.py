@@ -24,7 +24,7 @@ from g1_description.robot.poses import read_poses
 from g1_description.robot.state import RobotState
 from g1_description.robot.transform import IDENTITY, compose
 from g1_description.robot.urdf import parse_urdf
-from g1_description.web import check_thread, edits
+from g1_description.web import check_thread, ui_loop
 from g1_description.web.file_world import FileWorld, StillRobot
 from g1_description.web.findings_panel import plain
 from g1_description.web.scene.robot import RED, rgb
@@ -100,7 +100,7 @@ def test_a_slider_moves_the_robot_and_follows_whoever_moves_it(page):
 
 
 def test_a_slider_that_was_late_to_hear_shows_the_robot_in_the_end(page, monkeypatch):
-    monkeypatch.setattr(edits, "ROUND_TRIP", 1000.0)
+    monkeypatch.setattr(ui_loop, "ROUND_TRIP", 1000.0)
     one = page.client()
     page.world.move(page.robot, {"left_elbow_joint": 1.4794}, 0.0)
     one.wait_for(lambda: one.value("left_elbow") == 1.4794, "the slider")

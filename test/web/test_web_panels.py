@@ -18,8 +18,8 @@ from g1_description.checks.verdict import FAILED, WARNING, Finding, Verdict
 from g1_description.errors import InvalidValueError
 from g1_description.robot.description import Joint
 from g1_description.robot.transform import IDENTITY
-from g1_description.web import edits
 from g1_description.web import findings_panel as findings
+from g1_description.web import ui_loop
 from g1_description.web.controls import slider_range
 from g1_description.web.ui_loop import Lane, UiLoop
 
@@ -191,15 +191,15 @@ class Field:
 def clock(monkeypatch):
     """Give a clock of the edits, at 100 s, that stands still."""
     clock = SimpleNamespace(now=100.0)
-    monkeypatch.setattr(edits, "time", SimpleNamespace(time=lambda: clock.now))
+    monkeypatch.setattr(ui_loop, "time", SimpleNamespace(time=lambda: clock.now))
     return clock
 
 
 def test_an_edited_element_is_held_for_a_while(clock):
-    guard, field = edits.Edits(), Field(0.0, clock)
+    guard, field = ui_loop.Edits(), Field(0.0, clock)
     assert not guard.is_held(field)
     field.edit(1.0)
-    clock.now += edits.HELD - 0.01
+    clock.now += ui_loop.HELD - 0.01
     guard.show(field, 2.0)
     assert guard.is_held(field) and field.value == 1.0
     clock.now += 0.02
@@ -208,16 +208,19 @@ def test_an_edited_element_is_held_for_a_while(clock):
 
 
 def test_a_value_is_sent_if_it_differs_or_a_browser_has_another(clock):
-    guard, field = edits.Edits(), Field(1.0, clock)
+    guard, field = ui_loop.Edits(), Field(1.0, clock)
     guard.show(field, 1.09, 0.1)
     assert field.sent == []
     guard.show(field, 1.25, 0.1)
     assert field.sent == [1.25]
-    for delay, sent in ((edits.ROUND_TRIP / 2, [2.25, 1.25]), (edits.ROUND_TRIP, [])):
+    for delay, sent in (
+        (ui_loop.ROUND_TRIP / 2, [2.25, 1.25]),
+        (ui_loop.ROUND_TRIP, []),
+    ):
         field.sent.clear()
         clock.now += delay
         field.edit(1.25)
-        clock.now += edits.HELD
+        clock.now += ui_loop.HELD
         guard.show(field, 1.25)
         assert field.sent == sent, "only an edit that an update may have crossed"
     field.sent.clear()

@@ -8,6 +8,7 @@ one after another. Panels that compute, or read files, have lanes of their own.
 from __future__ import annotations
 
 import logging
+import math
 import queue
 import threading
 import time
@@ -16,8 +17,9 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, Callable
 
+import numpy as np
+
 from g1_description.errors import G1DescriptionError
-from g1_description.web.edits import Edits
 
 if TYPE_CHECKING:
     from viser import ViserServer
@@ -30,6 +32,13 @@ SHOWN = 8.0
 
 AGAIN = 3.0
 """Least time between two messages of the same words, in [s]."""
+
+HELD = 0.7
+"""Time for which an edited element does not follow the robot, in [s]: states that
+arrive meanwhile are older."""
+
+ROUND_TRIP = 0.3
+"""Longest time in [s] in which an update and an edit may cross on their ways."""
 
 
 @dataclass(eq=False)
@@ -126,6 +135,54 @@ class Lane:
 def _hand_over(work: Work, found: Any) -> None:
     """Hand a result over, unless the work is cancelled by now."""
     work.then(found)
+
+
+class Edits:
+    """Distinguishes values that a person has set from those of the page.
+
+    An element's ``update_timestamp`` is that of its last change, whoever made it.
+    """
+
+    def __init__(self) -> None:
+        self._shown: dict[int, float] = {}
+        """When the page last set a value, by identity of the element."""
+
+    def is_held(self, handle: Any) -> bool:
+        """Return whether an element was edited recently."""
+        edited = handle.update_timestamp
+        is_edited = edited != self._shown.get(id(handle))
+        return is_edited and abs(time.time() - edited) < HELD
+
+    def show(self, handle: Any, value: Any, tolerance: float = 0.0) -> None:
+        """Show a value, if it differs and nobody edits it.
+
+        A browser that sent a value may receive an older one afterwards, so an element
+        that was edited just after an update is updated in any case. No other is, as
+        that would undo what is being typed.
+
+        Args:
+            handle: The element.
+            value: A number, several, or a text.
+            tolerance: Smaller differences of numbers are ignored.
+        """
+        if self.is_held(handle):
+            return
+        key, edited = id(handle), handle.update_timestamp
+        shown = self._shown.get(key, -math.inf)
+        has_crossed = shown < edited < shown + ROUND_TRIP
+        if _is_near(handle.value, value, tolerance):
+            if not has_crossed or isinstance(value, str):
+                return
+            handle.value = np.add(value, 1.0)  # viser sends only changed values
+        handle.value = value
+        self._shown[key] = handle.update_timestamp
+
+
+def _is_near(one: Any, other: Any, tolerance: float) -> bool:
+    """Compare two values, whose numbers may differ a little."""
+    if isinstance(other, str) or np.shape(one) != np.shape(other):
+        return bool(one == other)
+    return bool(np.abs(np.subtract(one, other)).max() <= tolerance)
 
 
 class UiLoop:
