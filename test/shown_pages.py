@@ -16,8 +16,8 @@ from g1_description.motion.motion import Motion
 from g1_description.robot.urdf import parse_urdf
 from g1_description.sim.standing import standing_base
 from g1_description.web.file_world import FileWorld, StillRobot
+from g1_description.web.page import Page
 from g1_description.web.server.address import ServerOptions
-from g1_description.web.show import Show
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tools"))
 from page_client import PageClient
@@ -95,7 +95,7 @@ class Open:
         self.robot = StillRobot("arms", parse_urdf(ARMS))
         self.world = FileWorld([self.robot], lambda path, robot, rate: ramp(3.0))
         self.simulator = self.world.simulator = Stepped()
-        self.show = Show(
+        self.show = Page(
             self.world,
             ServerOptions(port=0, **options),
             make_checker or (lambda robot: Checker(robot, Thresholds())),
@@ -144,7 +144,7 @@ class StandingG1:
         """Reads the files that are opened."""
         world = FileWorld([self.robot], lambda *given: self.read(*given))
         self.simulator = world.simulator = Stepped()
-        self.show = Show(world, ServerOptions(port=0), lambda _: checker)
+        self.show = Page(world, ServerOptions(port=0), lambda _: checker)
         threading.Thread(target=self.show.run, daemon=True).start()
 
     def stand(self):

@@ -30,7 +30,7 @@ from g1_description.gazebo.parameters import GazeboParameters, SpawnerParameters
 from g1_description.importer.command import ImportOptions
 from g1_description.interactive.node import InteractiveParameters
 from g1_description.ros.parameters import NAMESPACE
-from g1_description.web.parameters import WebParameters
+from g1_description.web.node import WebParameters
 
 ROOT = Path(__file__).resolve().parents[1]
 

@@ -69,7 +69,7 @@ def thresholds_of_the_checker(model):
 
 
 def thresholds_of_the_page(model):
-    ros = pytest.importorskip("g1_description.web.parameters")
+    ros = pytest.importorskip("g1_description.web.node")
     return ros.WebParameters().read_thresholds()
 
 

@@ -22,8 +22,8 @@ from g1_description.motion.motion import Motion
 from g1_description.motion.motors import motors_of
 from g1_description.robot.urdf import parse_urdf
 from g1_description.sim.rollout import rollout
+from g1_description.web.page import Page
 from g1_description.web.server.address import ServerOptions
-from g1_description.web.show import Show
 
 from page_client import PageClient
 
@@ -111,7 +111,7 @@ def test_a_profile_that_lacks_links_is_told_and_pairs_are_found():
 def test_the_page_has_no_pose_and_no_name_of_the_g1(stranger):
     args = parse(web.WebOptions, "web", ["--model", str(stranger)])
     world, _ = web.make_world(args)
-    show = Show(world, ServerOptions(port=0), lambda robot: Robot(stranger).checker())
+    show = Page(world, ServerOptions(port=0), lambda robot: Robot(stranger).checker())
     with running(show), PageClient(show.address) as client:
         client.wait_until_whole()
         assert [*client.element("Go to pose")["options"]] == ["zero"]

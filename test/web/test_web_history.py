@@ -27,10 +27,10 @@ from g1_description.ros.waiting import NoAnswerError, RefusedError
 from g1_description.sim.standing import standing_base
 from g1_description.web.check_thread import CheckThread
 from g1_description.web.file_world import FileWorld, StillRobot
+from g1_description.web.page import Page
 from g1_description.web.plots import TIME
 from g1_description.web.saved_motions import check_file_name
 from g1_description.web.server.address import ServerOptions
-from g1_description.web.show import Show
 from g1_description.web.ui_loop import UiLoop
 
 from page_client import PageClient
@@ -107,7 +107,7 @@ def robots():
 @pytest.fixture
 def browser(robots):
     """A browser with the page of both."""
-    show = Show(
+    show = Page(
         FileWorld([*robots], None),
         ServerOptions(port=0),
         lambda robot: Checker(robot, Thresholds()),

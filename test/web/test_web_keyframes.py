@@ -30,7 +30,7 @@ def browser(page, tmp_path, monkeypatch):
     with PageClient(page.show.address) as one:
         one.wait_until_whole()
         delete_keyframes(one)
-        page.show.page.motion.motions.clear()
+        page.show.motion.motions.clear()
         page.stand()
         one.set("Keyframe", "Add")
         one.wait_for(lambda: one.value("Selected") == "1 at 0.00 s", "one")
@@ -45,7 +45,7 @@ def opened(page, browser, count, duration):
     """Wait for the motion through keyframes."""
 
     def is_open():
-        motion = page.show.page.motion.motions.get(page.robot)
+        motion = page.show.motion.motions.get(page.robot)
         return (
             motion is not None
             and motion.times[-1] == pytest.approx(duration)
@@ -74,7 +74,7 @@ def test_the_robot_stays_where_it_is_posed(page, browser):
     """The motion begins at another keyframe, and is opened while one goes on."""
     opened(page, browser, 2, 1.0)
     assert elbow(page) == pytest.approx(-0.8)
-    assert page.show.page.motion.player.time == pytest.approx(1.0)
+    assert page.show.motion.player.time == pytest.approx(1.0)
 
 
 def test_a_selected_keyframe_is_shown_replaced_and_deleted(page, browser):
@@ -165,7 +165,7 @@ def test_a_deleted_motion_is_not_saved(page, browser, tmp_path):
 
 def test_a_page_of_the_motion_is_shared(page, browser):
     opened(page, browser, 2, 1.0)
-    motion = page.show.page.motion
+    motion = page.show.motion
     wait_for(lambda: page.robot in motion.verdicts, "its verdict")
     browser.press("Share")
 
@@ -183,7 +183,7 @@ def test_a_page_of_the_motion_is_shared(page, browser):
 
 def test_keys_play_step_and_take(page, browser):
     opened(page, browser, 2, 1.0)
-    motion = page.show.page.motion
+    motion = page.show.motion
     player = motion.player
 
     def press(effect):

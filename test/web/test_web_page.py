@@ -27,10 +27,10 @@ from g1_description.robot.urdf import parse_urdf
 from g1_description.web import check_thread, ui_loop
 from g1_description.web.file_world import FileWorld, StillRobot
 from g1_description.web.findings_panel import plain
+from g1_description.web.page import Page
 from g1_description.web.scene.robot import RED, rgb
 from g1_description.web.scene.tree import pose_of
 from g1_description.web.server.address import ServerOptions
-from g1_description.web.show import Show
 
 from page_client import PageClient
 
@@ -483,7 +483,7 @@ def test_checks_that_cannot_be_prepared_are_tried_again_seldom(monkeypatch):
 def test_a_robot_without_joints_is_shown():
     description = parse_urdf('<robot name="r"><link name="a"/></robot>')
     world = FileWorld([StillRobot("r", description)], lambda *_: None)
-    show = Show(world, ServerOptions(port=0), lambda robot: Checker(robot, None))
+    show = Page(world, ServerOptions(port=0), lambda robot: Checker(robot, None))
     show.stop()
     show.run()
 
@@ -532,7 +532,7 @@ def test_a_state_has_the_findings_that_the_node_checker_reports():
     node = LiveCheck(checker)
     names = tuple(joint.name for joint in robot.description.movable_joints)
     up, away = np.array([[0, 0, 3, 0, 0, 0, 1], [1, 0, 3, 0, 0, 0, 1]], dtype=float)
-    show = Show(FileWorld([robot], None), ServerOptions(port=0), lambda _: checker)
+    show = Page(FileWorld([robot], None), ServerOptions(port=0), lambda _: checker)
     with running(show), PageClient(show.address) as one:
         for at, base, rate, found in (
             (1.0, up, 0.0, {"floating"}),

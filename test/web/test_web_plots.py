@@ -309,8 +309,8 @@ def browser():
 def open_motion(motion):
     """Open a motion of the robot, as a file would be."""
     page = standing_g1()
-    panel = page.show.page.motion
-    page.show.page.ui.post("test", lambda: panel.open("m", page.robot, motion))
+    panel = page.show.motion
+    page.show.ui.post("test", lambda: panel.open("m", page.robot, motion))
     return panel
 
 

@@ -35,8 +35,8 @@ from g1_description.robot.description import Description
 from g1_description.robot.load import read_description
 from g1_description.web.file_world import FileWorld, StillRobot
 from g1_description.web.library import REPORTS, Library
+from g1_description.web.page import Page, report_address
 from g1_description.web.server.address import ServerOptions
-from g1_description.web.show import Show, report_address
 
 
 @dataclass(frozen=True)
@@ -181,7 +181,7 @@ def web(args: WebOptions) -> None:
     library = make_library(args)
     server = ServerOptions(args.host, args.port, args.read_only)
     with suppress(KeyboardInterrupt):  # the normal end
-        show = Show(
+        page = Page(
             world,
             server,
             lambda robot: Checker(
@@ -191,9 +191,9 @@ def web(args: WebOptions) -> None:
             motion_first=bool(motions),
         )
         for (file, motion), robot in zip(motions, world.robots):
-            show.page.motion.open(file.name, robot, motion)
-        report_address(show, server, notify)
-        show.run()
+            page.motion.open(file.name, robot, motion)
+        report_address(page, server, notify)
+        page.run()
 
 
 def main() -> None:

@@ -1,6 +1,6 @@
 """The node that shows the robots of a bridge in a browser.
 
-Parameters: those of parameters.WebParameters
+Parameters: those of WebParameters
 Topics and services: those of live_robot and live_simulator
 """
 
@@ -9,13 +9,20 @@ from __future__ import annotations
 import sys
 import threading
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import rospy
 
-from g1_description.bridge.parameters import wait_for_descriptions
+from g1_description.bridge.parameters import (
+    BridgeParameters,
+    RobotParameters,
+    wait_for_descriptions,
+)
 from g1_description.checks.checker import Checker
+from g1_description.checks.thresholds import Thresholds
+from g1_description.checks.thresholds_file import read_thresholds
 from g1_description.collisions.find_pairs import collisions_of
 from g1_description.errors import G1DescriptionError, MotionError
 from g1_description.motion.edit import minimum_jerk_trajectory
@@ -25,12 +32,93 @@ from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.ros.lifecycle import at_shutdown, start_node
 from g1_description.ros.log import ThrottledLog
-from g1_description.ros.parameters import read_parameters
+from g1_description.ros.parameters import check_files, read_parameters
 from g1_description.ros.playing import Session
 from g1_description.web.live_robot import LiveRobot
 from g1_description.web.live_simulator import LiveSimulator
-from g1_description.web.parameters import WebParameters
-from g1_description.web.show import Show, report_address
+from g1_description.web.page import Page, report_address
+from g1_description.web.server.address import ServerOptions
+
+
+@dataclass(frozen=True)
+class WebParameters:
+    """Parameters of the node ``web``."""
+
+    host: str = "127.0.0.1"
+    """Address to listen on; any but the machine's own needs a token, which is part
+    of the address in the log."""
+
+    port: int = 8080
+    """0: any that is free."""
+
+    token: str = ""
+    """The token; empty: a new one at each start. Anyone who can reach the master can
+    read it."""
+
+    read_only: bool = False
+    """Display only; ignore input from browsers."""
+
+    controls: bool = True
+    """Enable the controls, which need a bridge."""
+
+    gazebo: str = "/gazebo"
+    """Namespace of the simulator; empty: there is none."""
+
+    robot_description: str = "robot_description"
+    """Parameter that holds the robot's URDF; searched for upward from the
+    namespace."""
+
+    model_name: str = "g1_robot"
+    """Name of the robot on the page."""
+
+    frame_prefix: str = ""
+    """Prefix of the robot's frame names."""
+
+    robots: tuple[dict, ...] = ()
+    """Several robots instead of one, [as for the bridge](#several-robots)."""
+
+    map_frame: str = "map"
+    """Frame that is shown; its floor is at height 0."""
+
+    ghost: bool = False
+    """Whether the bridge publishes the commanded configuration."""
+
+    collisions: str = ""
+    """File of [allowed collisions](self_collision.md#allowed-pairs); empty: that of the
+    robot's [profile](robots.md), or what is found."""
+
+    thresholds: str = ""
+    """File of the checks' thresholds; empty: ``config/checks.yaml``."""
+
+    def __post_init__(self) -> None:
+        """Check files."""
+        check_files(self, "thresholds", "collisions")
+
+    @property
+    def each_robot(self) -> tuple[RobotParameters, ...]:
+        """The robots to show."""
+        bridge = BridgeParameters(
+            model_name=self.model_name,
+            robot_description=self.robot_description,
+            frame_prefix=self.frame_prefix,
+            robots=self.robots,
+        )
+        return bridge.each_robot
+
+    @property
+    def server(self) -> ServerOptions:
+        """Address, access and token of the page."""
+        return ServerOptions(
+            self.host, self.port, read_only=self.read_only, token=self.token
+        )
+
+    def read_thresholds(self) -> Thresholds:
+        """Read the thresholds.
+
+        Raises:
+            ThresholdError: If a file cannot be read.
+        """
+        return read_thresholds(Path(self.thresholds) if self.thresholds else None)
 
 
 class LiveWorld:
@@ -116,7 +204,7 @@ class LivePlayer(Session):
         self.start(begin)
 
 
-def make_show(parameters: WebParameters) -> Show:
+def make_page(parameters: WebParameters) -> Page:
     """Wait for the robots, and open the page.
 
     Raises:
@@ -136,7 +224,7 @@ def make_show(parameters: WebParameters) -> Show:
     def make_checker(robot: Description) -> Checker:
         return Checker(robot, thresholds, collisions=collisions_of(robot, file))
 
-    return Show(world, parameters.server, make_checker)
+    return Page(world, parameters.server, make_checker)
 
 
 def main() -> None:
@@ -144,12 +232,12 @@ def main() -> None:
     start_node("web")
     try:
         parameters = read_parameters(WebParameters)
-        show = make_show(parameters)
+        page = make_page(parameters)
     except G1DescriptionError as error:
         rospy.logfatal("%s", error)
         sys.exit(1)
     except rospy.ROSInterruptException:  # while waiting for the robots
         return
-    at_shutdown(show.stop)
-    report_address(show, parameters.server, lambda text: rospy.loginfo("%s", text))
-    show.run()
+    at_shutdown(page.stop)
+    report_address(page, parameters.server, lambda text: rospy.loginfo("%s", text))
+    page.run()

@@ -1,4 +1,4 @@
-"""The page of a world of robots: its panels, and the loop that draws it."""
+"""The page of a world of robots: its server, its panels, and the loop that draws it."""
 
 from __future__ import annotations
 
@@ -21,16 +21,18 @@ from g1_description.web.controls import BasePanel, JointPanel, PosePanel
 from g1_description.web.findings_panel import plain
 from g1_description.web.history_panel import HistoryPanel
 from g1_description.web.keyframes_panel import KeyframesPanel
-from g1_description.web.keys import add_keys
 from g1_description.web.library import Library
 from g1_description.web.library_panel import LibraryPanel
 from g1_description.web.motion_panel import MotionPanel
-from g1_description.web.panel import PageContext, RobotPanel
+from g1_description.web.panel import Key, PageContext, RobotPanel
 from g1_description.web.plots import PlotPanel
 from g1_description.web.reach_panel import ReachPanel
 from g1_description.web.robot import ShownRobot, ShownWorld
+from g1_description.web.scene.robot import SceneRobot
 from g1_description.web.scene.stage import Stage
 from g1_description.web.scene.tree import free_name
+from g1_description.web.server.address import ServerOptions
+from g1_description.web.server.page_server import PageServer
 from g1_description.web.shown import Shown
 from g1_description.web.simulator_panel import SimulatorPanel, SimulatorStatus
 from g1_description.web.timeline import Timeline
@@ -38,7 +40,7 @@ from g1_description.web.ui_loop import UiLoop
 from g1_description.web.view_panel import ViewPanel
 
 if TYPE_CHECKING:
-    from viser import ClientHandle, ViserServer
+    from viser import ClientHandle
 
 
 RATE = 40.0
@@ -68,24 +70,29 @@ class Page:
 
     def __init__(
         self,
-        server: ViserServer,
         world: ShownWorld,
+        options: ServerOptions,
         make_checker: MakeChecker,
-        read_only: bool = False,
         library: Library | None = None,
         motion_first: bool = False,
     ) -> None:
-        """Build the page.
+        """Open the page.
 
         Args:
-            server: Where to.
             world: The robots.
+            options: Who may come in, and where.
             make_checker: Creates the checker of a robot.
-            read_only: Whether the page has no controls.
             library: Motions to look through; None: none.
             motion_first: Whether the tab of the motion is the first, which is open.
+
+        Raises:
+            PageServerError: If the page cannot be opened.
         """
-        self._server, self._world = server, world
+        self._gateway = PageServer(options)
+        self.address = self._gateway.address
+        """Its URL."""
+        self._server, self._world = self._gateway.viser, world
+        server = self._server
         self.ui = UiLoop(server, world.changed)
         self._checks = CheckThread(self.ui, make_checker, self._seen)
         self._stage = Stage(server)
@@ -96,10 +103,14 @@ class Page:
         for row, shown in enumerate(self._shown if len(self._shown) > 1 else ()):
             shown.body.tag(shown.robot.name, row)
         self._stopped = threading.Event()
-        self.watched: Callable[[], int] = lambda: len(server.get_clients())
-        """Number of viewers."""
         self._page = PageContext(
-            server, self.ui, world, self._stage, self._checks, make_checker, read_only
+            server,
+            self.ui,
+            world,
+            self._stage,
+            self._checks,
+            make_checker,
+            options.read_only,
         )
         self._found: dict[ShownRobot, Verdict] = {}
         self._add_panels(library, motion_first)
@@ -131,7 +142,8 @@ class Page:
             motion = tabs.add_tab("Motion" if world.can_move else "Checks")
         # Of two panels with the same key, the first one has it.
         self._history: HistoryPanel | None = None
-        if self._can_rewind:
+        has_past = any(robot.history is not None for robot in world.robots)
+        if has_past and world.can_move and not page.read_only:
             with tabs.add_tab("History"):
                 self._history = HistoryPanel(page, head)
         with motion:
@@ -147,26 +159,39 @@ class Page:
                         kind(page, shown)
         self._view: ViewPanel | None = None
         if not page.read_only:
-            for shown in self._shown:
-                self._name_on_click(shown)
+            bodies = [shown.body for shown in self._shown]
+            for body in bodies:
+                body.on_click(partial(self._name, body))
             with tabs.add_tab("View"):
-                bodies = [shown.body for shown in self._shown]
                 self._view = ViewPanel(page, bodies, self._one_file)
-                add_keys(page)
+                self._add_keys()
             with tabs.add_tab("Plots"):
                 PlotPanel(page)
+
+    def _name(self, body: SceneRobot, link: str) -> None:
+        """Show the name of a link that was clicked."""
+        self.ui.post("name", partial(body.name, link))
+
+    def _add_keys(self) -> None:
+        """Let the keys of all panels act, and list them."""
+        keys: dict[tuple[str, str | None], Key] = {}
+        for key in (key for panel in self._page.panels for key in panel.hotkeys()):
+            keys.setdefault((key.hotkey, key.modifier), key)
+        gui = self._server.gui
+        for key in keys.values():
+            command = gui.add_command(
+                key.effect.capitalize(), hotkey=key.hotkey, modifier=key.modifier
+            )
+            command.on_trigger(lambda _, key=key: self.ui.post(key, key.act))
+        lines = "\n".join(f"| {key.shown} | {key.effect} |" for key in keys.values())
+        with gui.add_folder("Keys", expand_by_default=False):
+            gui.add_markdown(f"| key | effect |\n| --- | --- |\n{lines}")
 
     def _label(self, client: ClientHandle) -> None:
         """Say in upright windows that the panel, which covers half of them, folds."""
         if client.camera.image_width < client.camera.image_height:
             name = self._world.robots[0].description.name
             client.gui.set_panel_label(f"{name}: tap to fold or open")
-
-    @property
-    def _can_rewind(self) -> bool:
-        """Whether the past of robots is kept, and may be shown."""
-        has_history = any(robot.history is not None for robot in self._world.robots)
-        return has_history and self._world.can_move and not self._page.read_only
 
     def _one_file(self) -> str:
         """Write a page: of the past that is shown, the open motion, or the present.
@@ -199,33 +224,31 @@ class Page:
         self._checks.check_motion(answers, robot, motion, answers.put, fail)
         return answers.get()
 
-    def _name_on_click(self, shown: Shown) -> None:
-        """Show the name of a link on a click."""
-        body, post = shown.body, self.ui.post
-        body.on_click(lambda link: post("name", lambda: body.name(link)))
-
     # --- drawing ---
 
     def run(self) -> None:
-        """Draw changes until ``stop`` is called."""
+        """Draw changes until ``stop`` is called, and close the page."""
         threading.Thread(target=self._watch, daemon=True).start()
-        while not self._stopped.is_set():
-            self._world.changed.wait(IDLE)
-            began = time.monotonic()
-            self._world.changed.clear()
-            with self._server.atomic():  # each message alone would wake viser
-                self.ui.do_all()
-                if self.watched():
-                    self.ui.guarded(self._draw)
-            self._server.flush()  # else viser lets messages gather
-            spent = time.monotonic() - began
-            self._stopped.wait(max(0.0, 1.0 / RATE - spent))
+        try:
+            while not self._stopped.is_set():
+                self._world.changed.wait(IDLE)
+                began = time.monotonic()
+                self._world.changed.clear()
+                with self._server.atomic():  # each message alone would wake viser
+                    self.ui.do_all()
+                    if self._gateway.browsers:
+                        self.ui.guarded(self._draw)
+                self._server.flush()  # else viser lets messages gather
+                spent = time.monotonic() - began
+                self._stopped.wait(max(0.0, 1.0 / RATE - spent))
+        finally:
+            self._gateway.close()
 
     def _watch(self) -> None:
         """Notify the world when the page is opened or closed; this may block."""
         is_watched = False
         while not self._stopped.wait(WATCH_PERIOD):
-            if bool(self.watched()) != is_watched:
+            if bool(self._gateway.browsers) != is_watched:
                 is_watched = not is_watched
                 self.ui.guarded(partial(self._world.watch, is_watched))
                 if not is_watched:
@@ -237,7 +260,7 @@ class Page:
             self.ui.guarded(panel.leave)
 
     def stop(self) -> None:
-        """End ``run``."""
+        """End ``run``; from any thread, and from a signal."""
         self._stopped.set()
         self._world.changed.set()
 
@@ -331,3 +354,13 @@ class Page:
         self._now.content = text
         if self._history is not None and self._history.shown is not None:
             self._history.found.content = text
+
+
+def report_address(
+    page: Page, options: ServerOptions, report: Callable[[str], object]
+) -> None:
+    """Report the address, and the effect of a token in it."""
+    report(f"open {page.address}")
+    if "token=" in page.address:
+        may = "sees" if options.read_only else "moves"
+        report(f"Anyone with this address {may} the robot.")
