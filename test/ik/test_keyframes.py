@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from g1_description import Robot
 from g1_description.errors import InvalidValueError
 from g1_description.ik.inverse_kinematics import InverseKinematics
-from g1_description.ik.keyframes import PASS, PERIOD, STOP, Keyframe, keyframe_motion
+from g1_description.ik.keyframes import PASS, PERIOD, STOP, Keyframe, keyframe_pieces
 
 FEET = ("left_ankle_roll_link", "right_ankle_roll_link")
 BASE = np.array([0.0, 0.0, 0.7634, 0.0, 0.0, 0.0, 1.0])
@@ -45,7 +45,8 @@ def pick_up(g1):
 
 def through(robot, frames, way=STOP, feet=FEET):
     inverse = InverseKinematics(robot.description)
-    return keyframe_motion(robot.description, inverse, feet, frames, way)
+    *_, made = keyframe_pieces(robot.description, inverse, feet, frames, way)
+    return made
 
 
 def speeds(motion):

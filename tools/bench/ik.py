@@ -7,8 +7,7 @@ import time
 import numpy as np
 
 from g1_description.ik.inverse_kinematics import IkOptions, InverseKinematics
-from g1_description.ik.search import descend
-from g1_description.ik.solver import IkSolver
+from g1_description.ik.solver import IkSolver, descend
 from g1_description.robot.rotation import from_rotation_vector
 
 HANDS, FEET = ("left_hand", "right_hand"), ("left_foot", "right_foot")

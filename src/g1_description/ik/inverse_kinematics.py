@@ -23,15 +23,18 @@ from g1_description.ik.limits import (
     Part,
     link_parts,
 )
-from g1_description.ik.search import STARTS, descend, last, search
 from g1_description.ik.solver import (
     HARD,
+    STARTS,
     TOLERANCE,
     Configuration,
     IkConstraints,
     IkSolver,
     Linearization,
     LinkTask,
+    descend,
+    last,
+    search,
 )
 from g1_description.motion.motion import Motion
 from g1_description.robot.assembly import WORLD, root_in_base
@@ -199,16 +202,6 @@ class IkPath:
         return f"Not all is reached in {count}, first at {time:.2f} s. {message}"
 
 
-@dataclass(frozen=True, eq=False)
-class _Problem:
-    """Targets of a robot in one configuration."""
-
-    start: Configuration
-    names: tuple[str, ...]
-    tasks: tuple[LinkTask, ...]
-    bounds: IkConstraints
-
-
 class InverseKinematics:
     """Inverse kinematics of one robot."""
 
@@ -292,12 +285,12 @@ class InverseKinematics:
         """
         start = self._configuration(positions, base)
         moved = self._tasks(targets, options, start)
-        problem = self._problem(moved, start, options)
+        tasks, bounds = self._problem(moved, start, options)
         first = start if begin is None else self._configuration(*begin)
-        tasks, bounds, posture = problem.tasks, problem.bounds, problem.start.position
-        steps = search(self._solver, first, tasks, bounds, posture, starts)
+        given = tuple(tasks.values()), bounds, start.position
+        steps = search(self._solver, first, *given, starts)
         while piece := deque(islice(steps, most), maxlen=1):
-            yield self._result(problem, *piece.pop())
+            yield self._result(tasks, *piece.pop())
 
     def path(
         self,
@@ -347,26 +340,22 @@ class InverseKinematics:
             )
             for row, time in enumerate(times)
         ]
-        first = self._problem(samples[0], start, options)
-        posture = first.start.position
-        view, steps = last(
-            search(self._solver, first.start, first.tasks, first.bounds, posture)
-        )
-        results = [self._result(first, view, steps)]
+        tasks, first = self._problem(samples[0], start, options)
+        given, posture = tuple(tasks.values()), start.position
+        view, steps = last(search(self._solver, start, given, first, posture))
+        results = [self._result(tasks, view, steps)]
         for moved, duration in zip(samples[1:], np.diff(times)):
-            tasks = tuple(
-                moved.get(name, task) for name, task in zip(first.names, first.tasks)
-            )
+            given = tuple({**tasks, **moved}.values())
             now = view.configuration
             reach = SPEED_SHARE * self._speed * duration
             bounds = replace(
-                first.bounds,
+                first,
                 lower=np.maximum(self._lower, now.position - reach),
                 upper=np.minimum(self._upper, now.position + reach),
             )
-            first_view = self._solver.view(now, tasks, bounds)
+            first_view = self._solver.view(now, given, bounds)
             view, steps = last(descend(self._solver, first_view, posture, PATH_STEPS))
-            results.append(self._result(replace(first, tasks=tasks), view, steps))
+            results.append(self._result(tasks, view, steps))
         motion = Motion(
             times,
             tuple(joint.name for joint in self._description.movable_joints),
@@ -377,8 +366,8 @@ class InverseKinematics:
 
     def _problem(
         self, moved: Mapping[str, LinkTask], start: Configuration, options: IkOptions
-    ) -> _Problem:
-        """Find all tasks, of targets and of fixed links, and the bounds."""
+    ) -> tuple[dict[str, LinkTask], IkConstraints]:
+        """Find all tasks by name, of targets and of fixed links, and the bounds."""
         poses = self._solver.kinematics.link_poses(*start)
         held = self._held(options.fixed_links, moved)
         stands = held or any(task.link in self._feet for task in moved.values())
@@ -408,8 +397,7 @@ class InverseKinematics:
         bounds = IkConstraints(
             self._lower, self._upper, base_freedom, [*limits, *options.limits]
         )
-        tasks = {**stays, **moved}
-        return _Problem(start, tuple(tasks), tuple(tasks.values()), bounds)
+        return {**stays, **moved}, bounds
 
     @cached_property
     def _parts(self) -> list[Part]:
@@ -511,11 +499,13 @@ class InverseKinematics:
             )
         return corners
 
-    def _result(self, problem: _Problem, view: Linearization, steps: int) -> IkResult:
-        """Describe the result."""
+    def _result(
+        self, names: Iterable[str], view: Linearization, steps: int
+    ) -> IkResult:
+        """Describe the result for tasks with names."""
         errors = {}
         for name, task, (position, rotation) in zip(
-            problem.names, problem.tasks, view.errors.tolist()
+            names, view.tasks, view.errors.tolist()
         ):
             has_rotation = bool(task.weights[3:].any())
             errors[name] = TargetError(position, rotation if has_rotation else None)
@@ -526,7 +516,7 @@ class InverseKinematics:
         ]
         far += [
             limit.excess_message(excess)
-            for limit, excess in zip(problem.bounds.limits, view.excesses)
+            for limit, excess in zip(view.bounds.limits, view.excesses)
             if excess > TOLERANCE[0]
         ]
         if far and view.is_stuck:

@@ -10,7 +10,6 @@ import numpy as np
 
 from g1_description.errors import InvalidValueError
 from g1_description.ik.inverse_kinematics import IkOptions, InverseKinematics
-from g1_description.ik.search import last
 from g1_description.ik.solver import TOLERANCE
 from g1_description.motion.motion import Motion
 from g1_description.robot.assembly import root_in_base
@@ -60,13 +59,13 @@ class KeyframeMotion:
     need it."""
 
 
-def keyframe_motion(
+def keyframe_pieces(
     robot: Description,
     inverse: InverseKinematics,
     feet: Sequence[str],
     keyframes: Sequence[Keyframe],
     way: str = STOP,
-) -> KeyframeMotion:
+) -> Iterator[KeyframeMotion | None]:
     """Move through keyframes; a foot that is at one place in two of them stays there.
 
     Args:
@@ -76,25 +75,11 @@ def keyframe_motion(
         keyframes: In the order of their times, at least two.
         way: ``STOP`` or ``PASS``.
 
-    Raises:
-        InvalidValueError: If there are fewer than two, or times do not increase.
-    """
-    made = last(keyframe_pieces(robot, inverse, feet, keyframes, way))
-    assert made is not None
-    return made
-
-
-def keyframe_pieces(
-    robot: Description,
-    inverse: InverseKinematics,
-    feet: Sequence[str],
-    keyframes: Sequence[Keyframe],
-    way: str = STOP,
-) -> Iterator[KeyframeMotion | None]:
-    """Make the motion of ``keyframe_motion`` in pieces; the arguments are the same.
-
     Yields:
         None after each sample that takes time; at last the motion.
+
+    Raises:
+        InvalidValueError: If there are fewer than two, or times do not increase.
     """
     if len(keyframes) < 2:
         raise InvalidValueError(

@@ -15,7 +15,7 @@ from g1_description.ik.inverse_kinematics import (
     IkResult,
     InverseKinematics,
 )
-from g1_description.ik.search import last
+from g1_description.ik.solver import last
 from g1_description.motion.edit import mirrored, projected
 from g1_description.motion.motion import Motion, configuration
 from g1_description.robot.assembly import WORLD, root_in_base
