@@ -15,6 +15,7 @@ import threading
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import rospy
@@ -41,9 +42,6 @@ from g1_description.web.live_simulator import LiveSimulator
 PERIOD = 0.01
 """Polling period of messages, in [s], which adds to the latency."""
 
-QUEUE_SIZE = 10
-"""Queue size of commands."""
-
 
 class LiveRobot:
     """One robot of a bridge."""
@@ -61,42 +59,26 @@ class LiveRobot:
         base = base_of(description)[0]
         prefix = parameters.frame_prefix
         self._joints = frozenset(joint.name for joint in description.movable_joints)
-        self._joint_states = topic_of(parameters, "joint_states")
         self._base_frame = map_frame if base == WORLD else prefix + base
         self._lock = threading.Lock()
         self._states: RobotStates | None = None
         self._newest: RobotState | None = None
         self._stamp = 0
-        self._joint_commands = rospy.Publisher(
-            topic_of(parameters, "joint_commands"),
-            JointState,
-            queue_size=QUEUE_SIZE,
-            tcp_nodelay=True,
+        topic = partial(topic_of, parameters)
+        self._joint_states = topic("joint_states")
+        publisher = partial(rospy.Publisher, queue_size=10, tcp_nodelay=True)
+        self._joint_commands = publisher(topic("joint_commands"), JointState)
+        self._base_commands = publisher(topic("base_command"), PoseStamped)
+        self._motions = publisher(topic("motion"), RobotTrajectory)
+        self.motions = MotionClient(
+            rospy.ServiceProxy(topic("play_motion"), PlayMotion)
         )
-        self._base_commands = rospy.Publisher(
-            topic_of(parameters, "base_command"),
-            PoseStamped,
-            queue_size=QUEUE_SIZE,
-            tcp_nodelay=True,
-        )
-        self._motions = rospy.Publisher(
-            topic_of(parameters, "motion"),
-            RobotTrajectory,
-            queue_size=QUEUE_SIZE,
-            tcp_nodelay=True,
-        )
-        service = topic_of(parameters, "play_motion")
-        self.motions = MotionClient(rospy.ServiceProxy(service, PlayMotion))
         """Client of the service that plays motions."""
         self.anchor = ""
         """Its anchor when the page was opened, or as set on the page since."""
-        self._set_anchor = rospy.ServiceProxy(
-            topic_of(parameters, "set_anchor"), SetAnchor
-        )
+        self._set_anchor = rospy.ServiceProxy(topic("set_anchor"), SetAnchor)
         self._simulator = simulator
-        self.history: HistoryClient | None = HistoryClient(
-            topic_of(parameters, "get_history")
-        )
+        self.history: HistoryClient | None = HistoryClient(topic("get_history"))
 
     def watch(self, log: ThrottledLog) -> None:
         """Subscribe."""

@@ -51,23 +51,17 @@ def listen(host: str, port: int) -> socket.socket:
         raise PageServerError(f"port must be from 0 to {MAX_PORT} (got {port})")
     opened = None
     try:
-        family, address = _resolve(host, port)
-        opened = socket.socket(family, socket.SOCK_STREAM)
+        found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+        found.sort(key=lambda entry: entry[0] != socket.AF_INET)
+        opened = socket.socket(found[0][0], socket.SOCK_STREAM)
         opened.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        opened.bind(address)
+        opened.bind(found[0][4])
         opened.listen(128)
     except (OSError, UnicodeError) as error:
         if opened is not None:
             opened.close()
         raise PageServerError(_why_not(host, port, error)) from None
     return opened
-
-
-def _resolve(host: str, port: int) -> tuple[int, tuple]:
-    """Find an address of a host, of IPv4 where it has one."""
-    found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
-    found.sort(key=lambda entry: entry[0] != socket.AF_INET)
-    return found[0][0], found[0][4]
 
 
 def _why_not(host: str, port: int, error: Exception) -> str:

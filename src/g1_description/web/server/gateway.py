@@ -14,16 +14,14 @@ from typing import Any
 
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.asyncio.server import ServerConnection, serve
-from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed
 from websockets.frames import CloseCode
 from websockets.http11 import Request, Response
 
 from g1_description.errors import PageServerError, cause
 from g1_description.web.server.address import ServerOptions
-from g1_description.web.server.admission import Admission
 from g1_description.web.server.hidden_viser import SLOW_HEADER, HiddenViser
-from g1_description.web.server.pages import ScriptedPage, sentence
+from g1_description.web.server.pages import Admission, ScriptedPage, sentence
 
 MAX_QUEUE = 2
 """Most messages read ahead of what the other side has taken."""
@@ -35,26 +33,23 @@ STALL_TIMEOUT = 30.0
 SLOW_COOKIE = "g1_slow=1"
 """Set by the page's script where the browser draws in software."""
 
+log = logging.getLogger(__name__)
+quiet = logging.getLogger(__name__ + ".connections")
+quiet.disabled = True  # websockets logs a traceback for each request it cannot read
+
 
 class Pipe:
     """A connection between one browser and viser."""
 
-    def __init__(
-        self,
-        browser: ServerConnection,
-        is_read_only: bool,
-        quiet: logging.Logger,
-    ) -> None:
+    def __init__(self, browser: ServerConnection, is_read_only: bool) -> None:
         """Prepare it.
 
         Args:
             browser: The browser's connection.
             is_read_only: Whether nothing that it sends goes on to viser.
-            quiet: Where the connection to viser logs.
         """
         self._browser = browser
         self._is_read_only = is_read_only
-        self._quiet = quiet
         self._loop = asyncio.get_running_loop()
 
     async def run(self, viser: HiddenViser, on_sent: Callable[[int], None]) -> None:
@@ -76,7 +71,7 @@ class Pipe:
             max_queue=MAX_QUEUE,
             ping_interval=None,  # viser asks
             close_timeout=1,
-            logger=self._quiet,
+            logger=quiet,
         ) as scene:
             await _until_one_ends(self._down(scene, on_sent), self._up(scene))
 
@@ -148,12 +143,6 @@ PAGE_TIMEOUT = 120.0
 
 WARNING_PERIOD = 60.0
 """Least time between warnings, in [s]: others decide how often there is a reason."""
-
-NOTHING_HERE = "There is nothing at this address."
-
-log = logging.getLogger(__name__)
-quiet = logging.getLogger(__name__ + ".connections")
-quiet.disabled = True  # websockets logs a traceback for each request it cannot read
 
 
 class Gateway:
@@ -227,11 +216,12 @@ class Gateway:
             lambda _, context: self._warn(str(context.get("message")))
         )
         self._stopping = asyncio.Event()
+        own: Any = self._hidden.subprotocol  # of this version alone
         async with serve(
             self._on_connection,
             sock=listening,
             process_request=self._on_request,
-            select_subprotocol=self._select_subprotocol,
+            select_subprotocol=lambda _, offered: own if own in offered else None,
             server_header=None,
             compression=None,  # viser's messages are packed
             open_timeout=OPEN_TIMEOUT,
@@ -245,49 +235,34 @@ class Gateway:
             for connection in list(server.handlers):
                 self._loop.call_later(1.0, connection.transport.abort)
 
-    def _select_subprotocol(self, _: ServerConnection, offered: Any) -> Any:
-        """Speak viser's own protocol, of this version alone."""
-        own = self._hidden.subprotocol
-        return own if own in offered else None
-
     async def _on_request(
         self, connection: ServerConnection, request: Request
     ) -> Response | None:
         """Answer a request over HTTP; None for one that goes on as a websocket."""
         path, _, query = request.path.partition("?")
         refused = self._admission.refusal(query, request.headers)
-        response: Response | None
+        response: Response | None = None
         if refused is not None:
-            self._warn(f"a request was refused: {refused.sentence}")
-            response = sentence(refused.status, refused.sentence)
-        elif "websocket" in ",".join(request.headers.get_all("Upgrade")).lower():
-            response = self._refuse_websocket(path)
-        else:
-            response = self._answer(path, request.headers)
+            self._warn(f"a request was refused: {refused[1]}")
+            response = sentence(*refused)
+        elif path != "/":
+            response = sentence(
+                HTTPStatus.NOT_FOUND, "There is nothing at this address."
+            )
+        elif "websocket" not in ",".join(request.headers.get_all("Upgrade")).lower():
+            response = self._page.answer(request.headers, self._admission.cookie())
+        elif self.browsers >= self._options.max_browsers:
+            response = sentence(HTTPStatus.SERVICE_UNAVAILABLE, self._too_many())
         if response is not None:
             transport = weakref.ref(connection.transport)
             self._loop.call_later(PAGE_TIMEOUT, _abort, transport)
             self._count(len(response.body or b""))
         return response
 
-    def _refuse_websocket(self, path: str) -> Response | None:
-        """Answer a websocket that cannot be; None for one that can."""
-        if path != "/":
-            return sentence(HTTPStatus.NOT_FOUND, NOTHING_HERE)
-        if self.browsers >= self._options.max_browsers:
-            return sentence(HTTPStatus.SERVICE_UNAVAILABLE, self._too_many())
-        return None
-
     def _too_many(self) -> str:
         """Say that no further page may be open."""
         most = self._options.max_browsers
         return f"{most} pages are open, the limit: close one."
-
-    def _answer(self, path: str, headers: Headers) -> Response:
-        """Answer a request for the page."""
-        if path == "/":
-            return self._page.answer(headers, self._admission.cookie())
-        return sentence(HTTPStatus.NOT_FOUND, NOTHING_HERE)
 
     async def _on_connection(self, browser: ServerConnection) -> None:
         """Serve a websocket."""
@@ -303,7 +278,7 @@ class Gateway:
         """Connect a browser with viser."""
         self.browsers += 1
         self.watched.set()
-        pipe = Pipe(browser, self._options.read_only, quiet)
+        pipe = Pipe(browser, self._options.read_only)
         try:
             await pipe.run(self._hidden, self._count)
         except (ConnectionClosed, OSError, asyncio.TimeoutError) as error:

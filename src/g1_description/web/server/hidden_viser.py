@@ -37,6 +37,8 @@ class HiddenViser:
 
     def __init__(self) -> None:
         self._secret = secrets.token_urlsafe()
+        self.headers = {SECRET_HEADER: self._secret}
+        """Headers that a connection must have."""
         host = _secret_host()
         with _silent():
             self.server = viser.ViserServer(host=host, port=0, verbose=False)
@@ -49,11 +51,6 @@ class HiddenViser:
         logging.getLogger(LOGGER).addFilter(self._is_of_others)
         self.url = f"ws://{host}:{self.server.get_port()}/"
         self.subprotocol = f"viser-v{viser.__version__}"
-
-    @property
-    def headers(self) -> dict[str, str]:
-        """Headers that a connection must have."""
-        return {SECRET_HEADER: self._secret}
 
     def close(self) -> None:
         """Stop it."""

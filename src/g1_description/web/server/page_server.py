@@ -40,10 +40,9 @@ class PageServer:
             PageServerError: If viser is not installed, or the port cannot be opened.
         """
         _check_installed()
-        from g1_description.web.server.admission import Admission
         from g1_description.web.server.gateway import Gateway
         from g1_description.web.server.hidden_viser import HiddenViser
-        from g1_description.web.server.pages import ScriptedPage
+        from g1_description.web.server.pages import Admission, ScriptedPage
 
         opened = listen(options.host, options.port)
         base = origin(options.host, opened)
