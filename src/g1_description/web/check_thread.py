@@ -119,11 +119,15 @@ class CheckThread:
         self, act: Callable[[], object], failed: Callable[[], object] = lambda: None
     ) -> None:
         """Run a check; errors are shown like those of user actions."""
-        try:
-            act()
-        except Exception as error:  # raised again in the UI loop
-            self._ui.post(object(), failed)
-            self._ui.post(("check", str(error)), partial(_raise, error))
+
+        def attempt() -> None:
+            try:
+                act()
+            except Exception:
+                self._ui.post(object(), failed)
+                raise
+
+        self._ui.guarded(attempt)
 
     def _motion(
         self,
@@ -132,9 +136,7 @@ class CheckThread:
         then: Callable[[Verdict], object],
     ) -> None:
         verdict = self._checker(key[1]).check(motion)
-        found = replace(
-            verdict, measured=None
-        )  # measurements of long motions need much memory
+        found = replace(verdict, measured=None)  # which needs much memory
         self._ui.post(("motion", *key), lambda: then(found))
 
     def _state(
@@ -172,8 +174,3 @@ class CheckThread:
         """Return the error of preparing checks, until the next attempt."""
         error, until = self._failed.get(id(robot.description), (None, 0.0))
         return error if time.monotonic() < until else None
-
-
-def _raise(error: Exception) -> None:
-    """Raise an error of another thread."""
-    raise error

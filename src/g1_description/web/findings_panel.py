@@ -122,12 +122,7 @@ def title(findings: Sequence[Finding]) -> str:
     names = (name for name in worst.subject if name not in words)
     subject = " - ".join(map(short_name, names))
     more = f" +{len(findings) - 1}" if len(findings) > 1 else ""
-    return f"{shown_time(worst.worst_time)}  {check} {subject}".strip() + more
-
-
-def shown_time(time: float) -> str:
-    """Format a time in [s]."""
-    return f"{time:.2f} s"
+    return f"{worst.worst_time:.2f} s  {check} {subject}".strip() + more
 
 
 def summary(verdict: Verdict) -> str:

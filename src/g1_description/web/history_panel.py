@@ -363,19 +363,14 @@ class HistoryPanel(Panel):
                 raise
 
         def check(found: Motion) -> None:
-            span = found.times[0], found.times[-1]
-            show = partial(self._show_verdict, line, span)
+            def show(verdict: Verdict) -> None:
+                self._checked = line
+                self._findings.show(verdict, (found.times[0], found.times[-1]))
+
             fail = self._findings.fail
             self.page.checks.check_motion(self, line.robot, found, show, fail)
 
         self._lane.do(motion, check)
-
-    def _show_verdict(
-        self, line: Timeline, span: tuple[float, float], verdict: Verdict
-    ) -> None:
-        """Show findings."""
-        self._checked = line
-        self._findings.show(verdict, span)
 
     def _save(self) -> None:
         """Save the time line as a motion."""

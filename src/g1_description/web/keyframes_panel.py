@@ -148,15 +148,11 @@ class KeyframesPanel(RobotPanel):
     def _show(self) -> None:
         """Move the robot to the selected keyframe."""
         frame = self.frames[self._row]
-        if self._made is not None and self._is_open:
+        opened = self._motion.motions.get(self.robot)
+        if self._made is not None and opened is self._made:
             self._motion.jump(frame.time)
         else:
             self.shown.posing.go((frame.positions, frame.base))
-
-    @property
-    def _is_open(self) -> bool:
-        """Whether the motion through the keyframes is the robot's open one."""
-        return self._motion.motions.get(self.robot) is self._made
 
     def _select(self) -> None:
         """Select a keyframe, and show it."""

@@ -113,7 +113,7 @@ class LibraryPanel(Panel):
             ui.on(element, self._arrange)
         ui.on(walk, lambda: self.step(walk.value))
         ui.on(decide, lambda: self.choose(decide.value.lower()))
-        ui.on(self._note, self._noted)
+        ui.on(self._note, lambda: self.choose(note=str(self._note.value)))
         ui.on(self._pick, self._picked)
         ui.on(self._turn, self._turned)
         self._arrange()
@@ -170,18 +170,17 @@ class LibraryPanel(Panel):
             choice = self._library.choice(self._open)
             self._title.content += f"  \n{plain(self._open.name)}: {choice}"
         shown = self._listed[self._first : self._first + ROWS]
-        html = partial(self._html, shown)
-        self._lane.do(html, partial(self._fill, shown), "rows")
+
+        def rows() -> str:
+            rows = [self._row(number, entry) for number, entry in zip(NUMBERS, shown)]
+            return f'{STYLE}<div class="g1-list">{"".join(rows)}</div>'
+
+        self._lane.do(rows, partial(self._fill, shown), "rows")
 
     def _fill(self, shown: list[Entry], rows: str) -> None:
         """Show rows, if the list still has them at this place."""
         if shown == self._listed[self._first : self._first + ROWS]:
             self._rows.content = rows
-
-    def _html(self, shown: list[Entry]) -> str:
-        """Write rows in HTML."""
-        rows = [self._row(number, entry) for number, entry in zip(NUMBERS, shown)]
-        return f'{STYLE}<div class="g1-list">{"".join(rows)}</div>'
 
     def _row(self, number: str, entry: Entry) -> str:
         """Write a row."""
@@ -231,13 +230,13 @@ class LibraryPanel(Panel):
         self._find_open()
         read = partial(self.world.read, entry.path, self._robot, None)
         self._lane.do(read, partial(self._opened, entry), "motion")
-        picture = partial(_image, entry.picture, PICTURE)
-        self._lane.do(picture, self._show_picture, "picture")
-        self._draw()
 
-    def _show_picture(self, image: str) -> None:
-        """Show the picture of the open motion."""
-        self._picture.content = image.replace("<img", '<img style="width:100%"')
+        def show_picture(image: str) -> None:
+            self._picture.content = image.replace("<img", '<img style="width:100%"')
+
+        picture = partial(_image, entry.picture, PICTURE)
+        self._lane.do(picture, show_picture, "picture")
+        self._draw()
 
     def _opened(self, entry: Entry, motion: Motion) -> None:
         """Show a motion that was read, unless another one was chosen meanwhile."""
@@ -258,22 +257,12 @@ class LibraryPanel(Panel):
             entry.learn(verdict)
             self._draw()
 
-    # --- decisions ---
-
-    def choose(self, choice: str) -> None:
-        """Write down the decision on the open motion.
+    def choose(self, choice: str | None = None, note: str | None = None) -> None:
+        """Write down a decision or a note on the open motion.
 
         Raises:
             InvalidValueError: If none is open.
         """
-        self._write(choice=choice)
-
-    def _noted(self) -> None:
-        """Write down a note."""
-        self._write(note=str(self._note.value))
-
-    def _write(self, choice: str | None = None, note: str | None = None) -> None:
-        """Write into the selection."""
         entry = self._open
         if entry is None:
             raise InvalidValueError("No motion is open.")

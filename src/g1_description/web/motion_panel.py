@@ -104,7 +104,9 @@ class MotionPanel(Panel):
 
     def _uploaded(self, file: UploadedFile) -> None:
         """Open a file that came from a browser; called by a thread of viser."""
-        robot, name = self._chosen, PureWindowsPath(file.name).name or "file"
+        robots = {robot.name: robot for robot in self.world.robots}
+        robot, name = robots[self._robot.value], PureWindowsPath(file.name).name
+        name = name or "file"
         read = partial(self._read, name, file.content, robot)
         self._files.do(read, partial(self.open, name, robot))
 
@@ -172,18 +174,7 @@ class MotionPanel(Panel):
             span = self.player.begin, self.player.end
             self._findings[robot].show(verdict, span)
 
-    @property
-    def _chosen(self) -> ShownRobot:
-        """The robot of the next motion."""
-        robots = {robot.name: robot for robot in self.world.robots}
-        return robots[self._robot.value]
-
     # --- playing ---
-
-    @property
-    def _factor(self) -> float:
-        """The selected speed."""
-        return float(self._speed.value)
 
     def play(self) -> None:
         """Play the open motion from its first sample.
@@ -197,7 +188,7 @@ class MotionPanel(Panel):
         """Play from a time; at the end, from the first sample."""
         player = self._player
         begin = player.begin if begin >= player.end else begin
-        speed, self._again = self._factor, math.inf
+        speed, self._again = float(self._speed.value), math.inf
         self.ui.calls.do(lambda: player.play(begin, speed))
 
     @property

@@ -70,7 +70,7 @@ class ReachPanel(RobotPanel):
             "Arrows along", [LINK, MAP_AXES], hint="the axes of the link, or of the map"
         )
         self._stay = {
-            foot: gui.add_checkbox(f"{_label(foot)} stays", True)
+            foot: gui.add_checkbox(f"{foot.replace('_', ' ').capitalize()} stays", True)
             for foot in self.posing.feet
         }
         self._balance = gui.add_checkbox(
@@ -189,10 +189,6 @@ class ReachPanel(RobotPanel):
             self.report(result.message)
             self._show_ghost(link, not result.reached)
 
-    def _is_dragged(self, role: str) -> bool:
-        """Return whether a gizmo is held, or was dragged recently."""
-        return role == self._held or self.ui.edits.is_held(self._gizmos[role])
-
     def _on_drag(self, link: str, event: Any) -> None:
         """Note that the mouse drags a link, in the thread of the server."""
         phase, at = event.phase, event.end_position
@@ -265,9 +261,9 @@ class ReachPanel(RobotPanel):
             return
         is_along_link = self._axes.value == LINK
         for role, pose in self.posing.handle_poses(state).items():
-            if self._is_dragged(role):
-                continue
             gizmo, turn = self._gizmos[role], np.append(np.zeros(3), pose[3:])
+            if role == self._held or self.ui.edits.is_held(gizmo):
+                continue
             self._turns[role] = IDENTITY if is_along_link else turn
             gizmo.position = pose[:3]
             gizmo.wxyz = np.array(wxyz(pose if is_along_link else IDENTITY))
@@ -279,8 +275,3 @@ def _marked(pieces: Iterator[IkResult]) -> Iterator[tuple[IkResult, bool]]:
     for found in pieces:
         yield found, False
     yield found, True
-
-
-def _label(role: str) -> str:
-    """Write a role as text."""
-    return role.replace("_", " ").capitalize()

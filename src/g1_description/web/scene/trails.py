@@ -70,11 +70,9 @@ class Trails:
         bent = np.array([positions.get(name, 0.0) for name in self._names])
         poses = self._kinematics.link_poses(compose(base, self._T_base_root), bent)
         self._points.append(poses[self._rows, :3])
-        if len(self._points) > 1:
-            self._draw(np.array(self._points))
-
-    def _draw(self, points: np.ndarray) -> None:
-        """Show trails, shape (n, n_links, 3)."""
+        if len(self._points) < 2:
+            return
+        points = np.array(self._points)
         segments = np.stack([points[:-1], points[1:]], axis=2).reshape(-1, 2, 3)
         color = COLORS[np.arange(len(self._rows)) % len(COLORS)]
         colors = np.tile(color[:, np.newaxis], (len(points) - 1, 2, 1))
