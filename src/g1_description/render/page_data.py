@@ -145,13 +145,16 @@ def motion_data(
         T_map_root = compose(motion.base_poses[some], root_in_base(description))
         roots = _encoded(T_map_root, "<f4")
     lines = [*_lines(verdict)] if verdict is not None else []
+    floor = 0.0  # its height in the map, in [m]
+    if verdict is not None and verdict.measured is not None:
+        floor = verdict.measured.robot.thresholds.floor_height
     content = {
         "times": _encoded(motion.times[some], "<f8"),
         "joints": [numbers[name] for name in motion.joint_names],
         "positions": _encoded(motion.positions[some], "<f4"),
         "velocities": None if velocities is None else _encoded(velocities[some], "<f4"),
         "roots": roots,
-        "floor": _floor(verdict) if roots is not None else None,
+        "floor": floor if roots is not None else None,
         "causes": [],
         "contacts": [],
         "lines": [{"name": name, "unit": unit, **line} for name, unit, line in lines],
@@ -166,13 +169,6 @@ def motion_data(
             for link, intervals in verdict.floor_contacts.items()
         ]
     return as_json(content)
-
-
-def _floor(verdict: Verdict | None) -> float:
-    """Return the height of the floor in the map, in [m]."""
-    if verdict is None or verdict.measured is None:
-        return 0.0
-    return verdict.measured.robot.thresholds.floor_height
 
 
 HEIGHT, CENTER, ZMP, DEPTH = (

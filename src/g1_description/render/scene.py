@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from g1_description.render.camera import Camera, Crop, crop_around, matrices
+from g1_description.render.patches import GREY
 from g1_description.robot.assembly import Assembly
 from g1_description.robot.description import Description, Shape
 from g1_description.robot.kinematics import Kinematics
@@ -28,9 +29,6 @@ from g1_description.sim.meshes.stl import ROUND
 
 BATCH_SIZE = 40_000
 """Triangles per shape: PyBullet accepts 131072 corners."""
-
-GREY = (0.7, 0.7, 0.7, 1.0)
-"""Default colour of a shape."""
 
 
 def load_visual(

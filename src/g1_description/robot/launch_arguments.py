@@ -77,9 +77,11 @@ def check_arguments(given: Mapping[str, str]) -> None:
             raise InvalidValueError(
                 f"{name} must be true or false (got '{given[name]}')."
             )
-    for name in NUMBERS:
-        if given.get(name):
-            _check_number(name, given[name])
+    wrong = [n for n in NUMBERS if given.get(n) and not _is_finite(given[n])]
+    if wrong:
+        raise InvalidValueError(
+            f"{wrong[0]} must be a number (got '{given[wrong[0]]}')."
+        )
     if not 0.0 <= float(given.get("rate") or 0.0) <= 1e6:
         raise InvalidValueError(
             "rate must be from 0 to 1e6 states per second, 0 for all (got "
@@ -96,7 +98,11 @@ def check_arguments(given: Mapping[str, str]) -> None:
                 "or use sim:=standin."
             )
     _check_profile(given.get("robot", ""))
-    _check_port(given.get("port", "0"))
+    port = given.get("port", "0")
+    if not (port.isdecimal() and int(port) <= MAX_PORT):
+        raise InvalidValueError(
+            f"port must be a whole number from 0 to {MAX_PORT} (got '{port}')."
+        )
     _check_base(given.get("base", ""))
     if given.get("sim") == "gazebo":
         _check_gazebo()
@@ -148,14 +154,6 @@ def _check_profile(text: str) -> None:
         )
 
 
-def _check_port(text: str) -> None:
-    """Check that a text is the number of a port."""
-    if not (text.isdecimal() and int(text) <= MAX_PORT):
-        raise InvalidValueError(
-            f"port must be a whole number from 0 to {MAX_PORT} (got '{text}')."
-        )
-
-
 def _check_base(text: str) -> None:
     """Check that a text is a transform, as for static_transform_publisher of tf."""
     words = text.split()
@@ -172,12 +170,6 @@ def _is_finite(text: str) -> bool:
         return math.isfinite(float(text))
     except ValueError:
         return False
-
-
-def _check_number(name: str, text: str) -> None:
-    """Check that a text is a finite number."""
-    if not _is_finite(text):
-        raise InvalidValueError(f"{name} must be a number (got '{text}').")
 
 
 def _check_file(name: str, file: Path) -> None:

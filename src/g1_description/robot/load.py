@@ -15,7 +15,7 @@ from g1_description.files.model_files import find_folder
 from g1_description.files.uris import with_absolute_uris
 from g1_description.files.xml import check_size, decoded
 from g1_description.robot.description import Description
-from g1_description.robot.profile import Profile, find_profile, is_profile
+from g1_description.robot.profile import find_profile, is_profile
 from g1_description.robot.urdf import parse_urdf
 
 UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
@@ -51,7 +51,12 @@ def read_model(requested: str) -> ModelText:
         DescriptionError: If the file cannot be read, or is not a robot.
     """
     profile = find_profile(requested) if is_profile(requested) else None
-    name, arguments = split_arguments(_model_of(profile) if profile else requested)
+    if profile and not profile.model:
+        raise DescriptionError(
+            f"the profile {profile.name} names no URDF; give the robot's own file "
+            f"instead, such as /path/to/{profile.names[0]}.urdf"
+        )
+    name, arguments = split_arguments(profile.model if profile else requested)
     path = find_model_file(name)
     text = _read(path)
     if path.suffix == ".xacro":
@@ -63,16 +68,6 @@ def read_model(requested: str) -> ModelText:
         )
     description = replace(parse_urdf(text), given_profile=profile)
     return ModelText(path, text, description)
-
-
-def _model_of(profile: Profile) -> str:
-    """Return the URDF of a profile."""
-    if not profile.model:
-        raise DescriptionError(
-            f"the profile {profile.name} names no URDF; give the robot's own file "
-            f"instead, such as /path/to/{profile.names[0]}.urdf"
-        )
-    return profile.model
 
 
 def _read(path: Path) -> str:

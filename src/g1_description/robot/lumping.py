@@ -95,9 +95,12 @@ def combine_inertials(
     Returns:
         The inertial of the body, or None without mass.
     """
-    placed = [
-        (part.mass, *_turned(part, pose)) for part, pose in parts if part.mass > 0.0
-    ]
+    placed = []
+    for part, pose in parts:
+        if part.mass > 0.0:
+            axes = to_axes(pose[3:])
+            center = pose[:3] + axes @ part.center_of_mass
+            placed.append((part.mass, center, axes @ part.inertia @ axes.T))
     if not placed:
         return None
     mass = sum(part[0] for part in placed)
@@ -108,13 +111,6 @@ def combine_inertials(
         steiner = offset @ offset * np.eye(3) - np.outer(offset, offset)
         inertia += part_inertia + part_mass * steiner
     return Inertial(mass, center, inertia)
-
-
-def _turned(part: Inertial, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Transform a link's center of mass and inertia to its body's frame."""
-    axes = to_axes(pose[3:])
-    center = pose[:3] + axes @ part.center_of_mass
-    return center, axes @ part.inertia @ axes.T
 
 
 def lump_fixed_joints(description: Description, is_dynamic: bool = True) -> Assembly:
@@ -131,14 +127,26 @@ def lump_fixed_joints(description: Description, is_dynamic: bool = True) -> Asse
     bodies = {
         name: _merge(name, parts) for name, parts in _parts(description, frames).items()
     }
-    joints = _between_bodies(description, frames)
+    joints = tuple(
+        _rehang(joint, frames)
+        for joint in description.joints
+        if frames[joint.child][0] == joint.child
+    )
+    if description.static:  # joints that Gazebo ignores are not listed
+        joints = tuple(
+            replace(joint, kind="fixed", listed=joint.kind not in FREE)
+            for joint in joints
+        )
     massless = _massless(description.root, bodies, joints)
     if is_dynamic:
         bodies = {name: body for name, body in bodies.items() if name not in massless}
     robot = _robot(description, bodies, joints)
+    poses = {description.root: IDENTITY}
+    for joint in below([description.root], joints):
+        poses[joint.child] = compose(poses[joint.parent], joint.pose)
     return Assembly(
         description=robot,
-        root_poses=_root_poses(description.root, joints, robot.roots),
+        root_poses=np.array([poses[name] for name in robot.roots]),
         static=description.static,
         lumped={link: body for link, (body, _) in frames.items() if link != body},
         left_out=(
@@ -153,23 +161,6 @@ def lump_fixed_joints(description: Description, is_dynamic: bool = True) -> Asse
             *(joint.remark for joint in robot.joints if joint.remark),
         ),
     )
-
-
-def _between_bodies(
-    description: Description, frames: dict[str, tuple[str, np.ndarray]]
-) -> tuple[Joint, ...]:
-    """Select the joints that are not lumped, and attach them to bodies.
-
-    Args:
-        description: The robot.
-        frames: Body of each link, and pose in it, as by ``rigid_frames``.
-    """
-    joints = tuple(
-        _rehang(joint, frames)
-        for joint in description.joints
-        if frames[joint.child][0] == joint.child
-    )
-    return tuple(_held(joint) for joint in joints) if description.static else joints
 
 
 def _robot(
@@ -229,36 +220,14 @@ def _mass_clauses(
         ]
     bare = [name for name, body in why.items() if frames[name][0] == body]
     hanging = [name for name, body in why.items() if frames[name][0] != body]
-    return [_unlike_gazebo(bare, hanging)] if why else []
-
-
-def _unlike_gazebo(bare: list[str], hanging: list[str]) -> str:
-    """Return a message on links that are kept, unlike in Gazebo."""
+    if not why:
+        return []
     one, alone = len(bare) == 1, len(bare) + len(hanging) == 1
     words = f"{listed(bare)} {'has' if one else 'have'} no mass"
     if hanging:
         verb = "is" if len(hanging) == 1 else "are"
         words += f" and {listed(hanging)} {verb} below {'it' if one else 'them'}"
-    return f"{words}: Gazebo would ignore {'it' if alone else 'them'}"
-
-
-def _root_poses(
-    root: str, joints: tuple[Joint, ...], roots: tuple[str, ...]
-) -> np.ndarray:
-    """Place the roots of all trees in the frame of the file's root.
-
-    Args:
-        root: The file's root.
-        joints: Between bodies, floating and planar ones too.
-        roots: Roots of the trees.
-
-    Returns:
-        Their poses with all joints at zero, shape (n_trees, 7).
-    """
-    poses = {root: IDENTITY}
-    for joint in below([root], joints):
-        poses[joint.child] = compose(poses[joint.parent], joint.pose)
-    return np.array([poses[name] for name in roots])
+    return [f"{words}: Gazebo would ignore {'it' if alone else 'them'}"]
 
 
 def _parts(
@@ -324,11 +293,6 @@ def _rehang(joint: Joint, frames: dict[str, tuple[str, np.ndarray]]) -> Joint:
         return joint
     axis = np.array([0.0, 0.0, 1.0])
     return replace(joint, kind="revolute", axis=axis, lower=0.0, upper=0.0)
-
-
-def _held(joint: Joint) -> Joint:
-    """Make a joint fixed; one that Gazebo ignores is not listed."""
-    return replace(joint, kind="fixed", listed=joint.kind not in FREE)
 
 
 def _massless(

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import copy
 import logging
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 
@@ -32,37 +32,6 @@ from g1_description.robot.tree import one_root
 from g1_description.robot.urdf_extensions import Extensions, read_extensions
 from g1_description.robot.xml_values import numbers, unit
 from g1_description.text import listed
-
-
-def named_colors(robot: etree._Element) -> dict[str, tuple[float, ...] | None]:
-    """Read the colours of a robot's own materials by name."""
-    return {
-        material.get("name", ""): _color(material)
-        for material in robot.findall("material")
-    }
-
-
-def visual_colors(
-    link: etree._Element, named: Mapping[str, tuple[float, ...] | None]
-) -> Iterator[tuple[float, ...] | None]:
-    """Read the colours of a link's visual shapes.
-
-    An invalid colour is not an error.
-
-    Args:
-        link: The link element.
-        named: Colours of the robot's own materials by name.
-
-    Yields:
-        Red, green, blue, opacity from 0 to 1 for each visual element; None if it is not
-        given.
-    """
-    for visual in link.findall("visual"):
-        material = visual.find("material")
-        if material is None:
-            yield None
-        else:
-            yield _color(material) or named.get(material.get("name", ""))
 
 
 def _color(material: etree._Element) -> tuple[float, ...] | None:
@@ -243,10 +212,16 @@ def _description(element: etree._Element) -> Description:
             f"The robot description is not URDF: the root element is <{element.tag}>, "
             "not <robot>."
         )
-    named = named_colors(element)
+    named = {m.get("name", ""): _color(m) for m in element.findall("material")}
     extensions = read_extensions(element)
     shapes = _remove_unsupported_shapes(element)
-    colors = [tuple(visual_colors(link, named)) for link in element.findall("link")]
+    colors = [
+        [
+            None if m is None else _color(m) or named.get(m.get("name", ""))
+            for m in (visual.find("material") for visual in link.findall("visual"))
+        ]
+        for link in element.findall("link")
+    ]
     _write_rpy(element)
     attributes = _keep_parts(element)
     try:
