@@ -125,9 +125,9 @@ class Page:
         )
         self._lack = gui.add_markdown("", visible=False)
         if world.simulator is not None:
-            SimulatorStatus(page, world.simulator)
+            SimulatorStatus(page)
             if not page.read_only:
-                SimulatorPanel(page, world.simulator)
+                SimulatorPanel(page)
         head, tabs = gui.add_folder(None), gui.add_tab_group()
         folder = tabs.add_tab("Folder") if library is not None else None
         motion = tabs.add_tab("Motion") if motion_first else None

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from g1_description.web.panel import PageContext, Panel
-from g1_description.web.robot import Simulator
+from g1_description.web.panel import Panel
 
 SPEEDS = {"0.1": 0.1, "0.25": 0.25, "0.5": 0.5, "1": 1.0, "2": 2.0, "no limit": 0.0}
 """Speeds of simulated time to choose from; 0 is that of the processor."""
@@ -24,18 +23,14 @@ class SimulatorStatus(Panel):
 
     period = 0.5
 
-    def __init__(self, page: PageContext, simulator: Simulator) -> None:
-        """Add the line; ``simulator`` is that of the page."""
-        self._simulator = simulator
-        super().__init__(page)
-
     def build(self) -> None:
         """Add the line."""
         self._status = self.gui.add_markdown("")
 
     def update(self) -> None:
         """Show physics, time and speed."""
-        self._status.content = self._simulator.status()
+        assert self.world.simulator is not None
+        self._status.content = self.world.simulator.status()
 
 
 class SimulatorPanel(Panel):
@@ -43,16 +38,13 @@ class SimulatorPanel(Panel):
 
     title, period = "Simulator", 0.5
 
-    def __init__(self, page: PageContext, simulator: Simulator) -> None:
-        """Add the panel; ``simulator`` is that of the page."""
+    def build(self) -> None:
+        """Add the elements."""
+        gui, ui, simulator = self.gui, self.ui, self.world.simulator
+        assert simulator is not None
         self._simulator = simulator
         self._left = 0
         """Steps still to be done; only the lane of calls sets it."""
-        super().__init__(page)
-
-    def build(self) -> None:
-        """Add the elements."""
-        gui, ui, simulator = self.gui, self.ui, self._simulator
         self._pause = gui.add_button("Pause")
         self._steps = gui.add_number(
             "Steps", 10, min=1, max=MAX_STEPS, step=1, hint="of the physics"

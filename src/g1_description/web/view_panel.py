@@ -96,12 +96,19 @@ class ViewPanel(Panel):
 
     def _save(self, event: Any) -> None:
         """Save what one person sees; called by a thread of viser's."""
-        client = event.client
+        from PIL import Image
+
+        client, file = event.client, io.BytesIO()
         if client is None or client.client_id in self._pictured:
             return
         self._pictured.add(client.client_id)
         try:
-            _send_picture(client)
+            height, width = client.camera.image_height, client.camera.image_width
+            pixels = client.get_render(height, width, timeout=RENDER_TIMEOUT)
+            Image.fromarray(pixels).save(file, "PNG")
+            client.send_file_download(
+                "robot.png", file.getvalue(), save_immediately=True
+            )
         except (TimeoutError, RuntimeError) as error:
             client.add_notification("No picture", f"{error}", color="red")
         finally:
@@ -122,15 +129,3 @@ class ViewPanel(Panel):
             page.encode("utf-8", "backslashreplace"),
             save_immediately=True,
         )
-
-
-def _send_picture(client: Any) -> None:
-    """Let a browser draw a picture of what it sees, and give it the file."""
-    from PIL import Image
-
-    camera = client.camera
-    height, width = camera.image_height, camera.image_width
-    pixels = client.get_render(height, width, timeout=RENDER_TIMEOUT)
-    file = io.BytesIO()
-    Image.fromarray(pixels).save(file, "PNG")
-    client.send_file_download("robot.png", file.getvalue(), save_immediately=True)
