@@ -15,8 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from g1_description.render import scene as scenes
 from g1_description.render.camera import VIEWS, Camera, framing
-from g1_description.render.picture import draw, silhouette
-from g1_description.render.scene import NOTHING, Scene
+from g1_description.render.scene import NOTHING, Scene, draw, silhouette
 from g1_description.robot.urdf import parse_urdf
 from g1_description.sim.meshes.shapes import Part
 
@@ -285,7 +284,7 @@ def test_no_screen_is_needed():
     code = (
         "import numpy as np\n"
         "from g1_description.render.camera import Camera\n"
-        "from g1_description.render.picture import draw\n"
+        "from g1_description.render.scene import draw\n"
         "from g1_description.render.scene import Scene\n"
         "with Scene() as scene:\n"
         "    draw(scene, Camera(np.zeros(3), 0.0, 0.0, 1.0), 16, 16)\n"

@@ -11,8 +11,7 @@ from dae import box, collada, node, use
 from waiting import DEADLINE
 
 from g1_description.render.camera import Camera
-from g1_description.render.picture import draw
-from g1_description.render.scene import Scene
+from g1_description.render.scene import Scene, draw
 from g1_description.robot.description import Shape
 from g1_description.robot.lumping import lump_fixed_joints
 from g1_description.robot.transform import IDENTITY

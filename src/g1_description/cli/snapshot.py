@@ -47,8 +47,7 @@ from g1_description.motion.files.source import ReadOptions
 from g1_description.motion.motion import Motion, configuration, sample
 from g1_description.render.camera import VIEWS, Camera, framing
 from g1_description.render.page import motion_page
-from g1_description.render.picture import draw
-from g1_description.render.scene import Scene
+from g1_description.render.scene import Scene, draw
 from g1_description.robot.description import Description
 from g1_description.robot.load import read_description
 from g1_description.robot.poses import check_limits

@@ -108,16 +108,15 @@ def _primitive(shape: Shape) -> np.ndarray:
 
 def _merged(looks: Iterable[tuple[np.ndarray, Color]]) -> list[Patch]:
     """Put triangles of one colour together, with each corner once."""
+    import trimesh  # where it is missing, the server says so in a sentence
+
     by_color: dict[Color, list[np.ndarray]] = {}
     for corners, color in looks:
         by_color.setdefault(tuple(color), []).append(corners)
-    return [_patch(np.concatenate(some), color) for color, some in by_color.items()]
-
-
-def _patch(corners: np.ndarray, color: Color) -> Patch:
-    """Number the corners of triangles, shape (n, 3, 3)."""
-    import trimesh  # where it is missing, the server says so in a sentence
-
-    rows = np.ascontiguousarray(corners.reshape(-1, 3), dtype=np.float32)
-    first, number = trimesh.grouping.unique_rows(rows)
-    return Patch(rows[first], number.reshape(-1, 3).astype(np.uint32), color)
+    patches = []
+    for color, some in by_color.items():
+        rows = np.concatenate(some).reshape(-1, 3).astype(np.float32)
+        first, number = trimesh.grouping.unique_rows(rows)
+        faces = number.reshape(-1, 3).astype(np.uint32)
+        patches.append(Patch(rows[first], faces, color))
+    return patches

@@ -1,4 +1,4 @@
-"""Rendering of robots: their visual shapes in a separate PyBullet client.
+"""Pictures of robots: their visual shapes in a separate PyBullet client, on a floor.
 
 Each shape is a static body, placed by our kinematics. PyBullet knows neither joints nor
 masses, so links without mass are drawn, too.
@@ -115,6 +115,30 @@ AMBIENT, DIFFUSE, SPECULAR = 0.72, 0.55, 0.06
 
 NOTHING = -1
 """The number of a pixel without a robot."""
+
+AIR = np.array([[0.99, 0.99, 0.995], [0.91, 0.925, 0.94]])
+"""Colours of the top and the bottom of a picture, from 0 to 1."""
+
+CELL = 0.25
+"""Width of a cell of the grid, in [m]."""
+
+LINE = 0.004
+"""Width of a line of the grid, in [m]."""
+
+LINES_DARKEN, SHADOW_DARKENS = 0.13, 0.42
+"""Darkening of the floor by lines and shadows."""
+
+SUPERSAMPLING = 3
+"""Pixels drawn for one pixel of the picture, in each direction."""
+
+LAMP = np.radians([-38.0, 50.0])
+"""Direction of the lamp: yaw relative to the camera, and elevation, in [rad]."""
+
+LAMP_PIXELS = 400
+"""Size of the shadow map in pixels."""
+
+SHADOW_BLUR = 2
+"""Width of a shadow's edge, in pixels of the shadow map."""
 
 
 @dataclass(frozen=True)
@@ -263,12 +287,166 @@ class Scene:
             renderer=self._client.ER_TINY_RENDERER,
         )
         rgb = np.reshape(rgba, (rows, columns, 4))[:, :, :3].astype(np.uint8)
-        return rgb, self._owners()[np.reshape(bodies, (rows, columns))]
-
-    def _owners(self) -> np.ndarray:
-        """Map PyBullet's ids of bodies to robots; the last row is for none."""
         pairs = [(p.body, n) for n, r in enumerate(self._robots) for p in r.pieces]
+        # Robots by PyBullet's ids of bodies; the last row is for none.
         owners = np.full(max((body for body, _ in pairs), default=0) + 2, NOTHING)
         for body, number in pairs:
             owners[body] = number
-        return owners
+        return rgb, owners[np.reshape(bodies, (rows, columns))]
+
+
+def backdrop(
+    camera: Camera,
+    width: int,
+    height: int,
+    floor: float,
+    shadow: tuple[Camera, np.ndarray],
+) -> np.ndarray:
+    """Draw the background and the floor.
+
+    Args:
+        camera: The camera.
+        width: Width of the picture, in pixels.
+        height: Height of the picture, in pixels.
+        floor: Height of the floor in the world, in [m].
+        shadow: Camera at the lamp, and the blocked fraction of its light in each of its
+            pixels, from 0 to 1, shape (n, m).
+
+    Returns:
+        Colours from 0 to 1, shape (height, width, 3).
+    """
+    blend = np.linspace(0.0, 1.0, height)[:, np.newaxis, np.newaxis]
+    air = AIR[0] + (AIR[1] - AIR[0]) * blend + np.zeros((1, width, 1))
+    eye, rays = camera.rays(width, height)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        way = (floor - eye[2]) / rays[..., 2]
+        is_floor = (way > 0.0) & (way < 20.0)
+    points = eye + np.where(is_floor, way, 1.0)[..., np.newaxis] * rays
+    darker = LINES_DARKEN * _grid(points, is_floor)
+    darker = 1.0 - (1.0 - darker) * (1.0 - SHADOW_DARKENS * _shadow_at(points, *shadow))
+    across = np.linalg.norm(points[..., :2] - camera.target[:2], axis=-1)
+    fade = np.where(is_floor, np.exp(-((across / camera.width) ** 2)), 0.0)
+    return air * (1.0 - fade * darker)[..., np.newaxis]
+
+
+def _grid(points: np.ndarray, is_floor: np.ndarray) -> np.ndarray:
+    """Compute the fraction of each pixel that grid lines cover."""
+    clear = np.ones(points.shape[:2])
+    for axis in (0, 1):
+        values = points[..., axis]
+        pixel = np.hypot(*np.gradient(values)) + 1e-9
+        off = np.abs(values - CELL * np.round(values / CELL))
+        line = np.maximum(LINE, pixel)
+        covered = np.clip(0.5 + (line / 2 - off) / pixel, 0.0, 1.0) * LINE / line
+        clear *= 1.0 - np.where(pixel < CELL / 2, covered, 0.0)
+    return np.where(is_floor, 1.0 - clear, 0.0)
+
+
+def _shadow_at(points: np.ndarray, lamp: Camera, shadow_mask: np.ndarray) -> np.ndarray:
+    """Compute the fraction of the lamp's light that robots block.
+
+    Args:
+        points: In the world, in [m], shape (height, width, 3).
+        lamp: Camera at the lamp.
+        shadow_mask: Blocked fraction in each of its pixels, shape (n, m).
+    """
+    n, m = shadow_mask.shape
+    seen = lamp.seen(points.reshape(-1, 3)) * m
+    column, row = seen[:, 0] + m / 2 - 0.5, n / 2 - 0.5 - seen[:, 1]
+    inside = (column >= 0) & (column < m - 1) & (row >= 0) & (row < n - 1)
+    column, row = np.where(inside, column, 0.0), np.where(inside, row, 0.0)
+    i, j = row.astype(int), column.astype(int)
+    down, right = row - i, column - j
+    top = shadow_mask[i, j] * (1 - right) + shadow_mask[i, j + 1] * right
+    bottom = shadow_mask[i + 1, j] * (1 - right) + shadow_mask[i + 1, j + 1] * right
+    fractions = np.where(inside, top * (1 - down) + bottom * down, 0.0)
+    return fractions.reshape(points.shape[:2])
+
+
+def blur(fractions: np.ndarray, reach: int) -> np.ndarray:
+    """Blur a picture with a box filter, three times.
+
+    Args:
+        fractions: Shape (n, m).
+        reach: Half of the square's side, in pixels.
+
+    Returns:
+        Shape (n, m); pixels outside count as 0.
+    """
+    side = 2 * reach + 1
+    for _ in range(3):
+        for _ in ("down", "across"):
+            sums = np.cumsum(np.pad(fractions, ((reach + 1, reach), (0, 0))), axis=0)
+            fractions = ((sums[side:] - sums[:-side]) / side).T
+    return fractions
+
+
+def draw(
+    scene: Scene, camera: Camera, width: int, height: int, floor: float = 0.0
+) -> np.ndarray:
+    """Draw a scene on a floor.
+
+    The floor does not hide things below it.
+
+    Args:
+        scene: The robots.
+        camera: The camera.
+        width: Width of the picture, in pixels.
+        height: Height of the picture, in pixels.
+        floor: Its height in the world, in [m].
+
+    Returns:
+        Colours as uint8, shape (height, width, 3).
+    """
+    # The lamp next to the camera sees everything that the camera sees.
+    reach = 1.5 * camera.width * max(1.0, height / width)
+    lamp = Camera(camera.target, camera.yaw + LAMP[0], LAMP[1], reach)
+    is_seen = silhouette(scene, lamp, LAMP_PIXELS, LAMP_PIXELS) != NOTHING
+    shadow = lamp, blur(is_seen.astype(float), SHADOW_BLUR)
+    behind = 255.0 * backdrop(camera, width, height, floor, shadow)
+    crop = scene.crop(camera, width, height)
+    rows, columns = (
+        slice(SUPERSAMPLING * part.start, SUPERSAMPLING * part.stop) for part in crop
+    )
+    colors, robots = scene.render(
+        camera,
+        SUPERSAMPLING * width,
+        SUPERSAMPLING * height,
+        (rows, columns),
+        lamp.axes[2],
+    )
+    seen = (robots != NOTHING)[..., np.newaxis]
+    clear = 1.0 - _downsampled(seen)
+    behind[crop] = behind[crop] * clear + _downsampled(colors * seen)
+    return np.clip(np.round(behind), 0, 255).astype(np.uint8)
+
+
+def silhouette(scene: Scene, camera: Camera, width: int, height: int) -> np.ndarray:
+    """Find the pixels that show a robot.
+
+    Args:
+        scene: The robots.
+        camera: The camera.
+        width: Width of the picture, in pixels.
+        height: Height of the picture, in pixels.
+
+    Returns:
+        Numbers of robots, ``NOTHING`` for none, shape (height, width).
+    """
+    crop = scene.crop(camera, width, height)
+    robots = np.full((height, width), NOTHING)
+    robots[crop] = scene.render(camera, width, height, crop)[1]
+    return robots
+
+
+def _downsampled(pixels: np.ndarray) -> np.ndarray:
+    """Return the mean of the rendered pixels that become one."""
+    height, width, parts = pixels.shape
+    fine = pixels.reshape(
+        height // SUPERSAMPLING,
+        SUPERSAMPLING,
+        width // SUPERSAMPLING,
+        SUPERSAMPLING,
+        parts,
+    )
+    return fine.mean(axis=(1, 3), dtype=np.float32)

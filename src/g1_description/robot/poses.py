@@ -329,7 +329,13 @@ def with_pose(text: str, pose: Pose, place: str) -> str:
     """
     pose = replace(pose, about=_one_line(pose.about), place=place)
     expected = {**parse_poses(text, place), pose.name: pose}
-    written = _with_lines(text, _load(text, place), pose.name, _lines_of(pose))
+    about = {ABOUT: pose.about} if pose.about else {}
+    writer = YAML()
+    writer.width = MAX_LINE  # type: ignore[assignment]
+    writer.Representer = _Representer
+    lines = io.StringIO()
+    writer.dump({pose.name: {**about, **pose.positions}}, lines)
+    written = _with_lines(text, _load(text, place), pose.name, lines.getvalue())
     try:
         is_same = parse_poses(written, place) == expected
     except (PoseFileError, InvalidValueError):
@@ -358,17 +364,6 @@ def _with_lines(text: str, poses: CommentedMap, name: str, new: str) -> str:
     while end > begin + 1 and lines[end - 1].strip()[:1] in ("", "#"):
         end -= 1
     return "".join([*lines[:begin], new, *lines[end:]])
-
-
-def _lines_of(pose: Pose) -> str:
-    """Write one pose."""
-    about = {ABOUT: pose.about} if pose.about else {}
-    writer = YAML()
-    writer.width = MAX_LINE  # type: ignore[assignment]
-    writer.Representer = _Representer
-    lines = io.StringIO()
-    writer.dump({pose.name: {**about, **pose.positions}}, lines)
-    return lines.getvalue()
 
 
 class _Representer(RoundTripRepresenter):

@@ -163,11 +163,14 @@ def _read(folder: Path, above: tuple[Path, ...] = ()) -> Profile:
         base = Profile()
         if content.get("like"):
             base = _read(_like(content["like"], folder), (*above, folder))
+        model = _text(content, "model")  # its path starts in the folder
+        if model and "://" not in model and not model.startswith(("/", "~")):
+            model = f"{folder}/{model}"
         return Profile(
             name=folder.name,
             names=_names(content, "names") or (folder.name,),
             joints=_names(content, "joints"),
-            model=_model(content, folder),
+            model=model,
             standing_pose=_text(content, "standing_pose") or base.standing_pose,
             links={**base.links, **_links(content)},
             poses=_part(content, "poses", folder, base),
@@ -238,14 +241,6 @@ def _links(content: Mapping[str, Any]) -> dict[str, str]:
         if not isinstance(link, str):
             raise ProfileError(f"{role} of links must be a link (got {link!r})")
     return found
-
-
-def _model(content: Mapping[str, Any], folder: Path) -> str:
-    """Read the URDF; its path starts in the folder, arguments of xacro may follow."""
-    model = _text(content, "model")
-    if not model or "://" in model or model.startswith(("/", "~")):
-        return model
-    return f"{folder}/{model}"
 
 
 def _part(
