@@ -280,9 +280,15 @@ def search(
     """
     for best, steps in descend(solver, solver.view(start, tasks, bounds), posture):
         yield best, steps
-    for begin in _starts(best, start, starts - 1):
+    random = np.random.default_rng(0)  # the same starts each time
+    lower = np.maximum(bounds.lower, start.position - np.pi)
+    upper = np.minimum(bounds.upper, start.position + np.pi)
+    for number in range(1, starts):
         if best.badness <= 1.0:
             return
+        spread = min(1.0, 2.0 * number / (starts - 1))
+        drawn = spread * (random.uniform(lower, upper) - start.position)
+        begin = Configuration(start.root, start.position + drawn)
         view = solver.view(begin, tasks, bounds)
         for found, more in descend(solver, view, posture):
             yield min(best, found, key=attrgetter("cost")), steps + more
@@ -342,16 +348,3 @@ def _settle(
         damping *= 0.3 if is_better else 5.0
         view = tried if is_better else view
         yield view, steps
-
-
-def _starts(
-    view: Linearization, start: Configuration, count: int
-) -> Iterator[Configuration]:
-    """Vary a start; the same ones each time."""
-    random, bounds = np.random.default_rng(0), view.bounds
-    lower = np.maximum(bounds.lower, start.position - np.pi)
-    upper = np.minimum(bounds.upper, start.position + np.pi)
-    for number in range(1, count + 1):
-        spread = min(1.0, 2.0 * number / count)
-        drawn = random.uniform(lower, upper) - start.position
-        yield Configuration(start.root, start.position + spread * drawn)

@@ -64,8 +64,14 @@ def motion_page(
     motion = fitted(motion, description)
     title = name or motion.name or description.name
     robot, notes = robot_data(description)
-    is_single = len(motion.times) == 1
-    table = _configuration(description, motion) if is_single else ""
+    table = ""
+    if len(motion.times) == 1:
+        unit = {joint.name: units(joint)[0] for joint in description.movable_joints}
+        rows = [
+            _row("td", (escape(name), f"{position:.4f} {unit[name]}"))
+            for name, position in zip(motion.joint_names, motion.positions[0].tolist())
+        ]
+        table = f'<table class="joints">\n{"".join(rows)}</table>\n'
     content = motion_data(description, motion, verdict)
     section = _section(FileResult(title, verdict), 0, content, notes, table)
     return "".join(_page(title, "", section, robot))
@@ -227,16 +233,6 @@ def _times(findings: Sequence[Finding]) -> str:
     if worst.bound and np.isfinite(worst.bound):
         parts.append(f"threshold {worst.bound:.4g} {worst.unit}".rstrip())
     return ", ".join(parts)
-
-
-def _configuration(description: Description, motion: Motion) -> str:
-    """Write a table of the positions of a configuration."""
-    unit = {joint.name: units(joint)[0] for joint in description.movable_joints}
-    rows = [
-        _row("td", (escape(name), f"{position:.4f} {unit[name]}"))
-        for name, position in zip(motion.joint_names, motion.positions[0].tolist())
-    ]
-    return f'<table class="joints">\n{"".join(rows)}</table>\n'
 
 
 def _badge(result: str) -> str:

@@ -244,7 +244,15 @@ def _parts(
 
 def _merge(name: str, parts: list[tuple[Link, np.ndarray]]) -> Link:
     """Merge rigidly connected links."""
-    collisions = [(link.name, s, pose) for link, pose in parts for s in link.collisions]
+    shapes = [(link.name, s, pose) for link, pose in parts for s in link.collisions]
+    collisions = []
+    for number, (link_name, shape, pose) in enumerate(shapes):
+        count = f"_{number}" if number else ""
+        own = f"{shape.name or link_name}_collision{count}"
+        # As Gazebo names them: even the body's own collisions get the prefix.
+        if not own.startswith(name):
+            own = f"{name}_fixed_joint_lump__{own}"
+        collisions.append(replace(_moved(shape, pose), name=own))
     said = [link.gravity for link, _ in parts if link.gravity is not None]
     return Link(
         name=name,
@@ -252,29 +260,9 @@ def _merge(name: str, parts: list[tuple[Link, np.ndarray]]) -> Link:
             (link.inertial, pose) for link, pose in parts if link.inertial is not None
         ),
         visuals=tuple(_moved(s, pose) for link, pose in parts for s in link.visuals),
-        collisions=tuple(
-            replace(_moved(shape, pose), name=_collision_name(name, link, shape, n))
-            for n, (link, shape, pose) in enumerate(collisions)
-        ),
+        collisions=tuple(collisions),
         gravity=said[-1] if said else None,
     )
-
-
-def _collision_name(body: str, link: str, shape: Shape, number: int) -> str:
-    """Name a collision as Gazebo does when it converts URDF to SDF.
-
-    Names that do not begin with the body's get the prefix of lumped links, even of the
-    body's own collisions.
-
-    Args:
-        body: The remaining link.
-        link: The link of the shape in the file.
-        shape: The collision.
-        number: Index among the body's collisions.
-    """
-    count = f"_{number}" if number else ""
-    name = f"{shape.name or link}_collision{count}"
-    return name if name.startswith(body) else f"{body}_fixed_joint_lump__{name}"
 
 
 def _moved(shape: Shape, pose: np.ndarray) -> Shape:

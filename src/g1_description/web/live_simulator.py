@@ -78,7 +78,10 @@ class LiveSimulator:
             self._watched.wait()
             try:
                 self._paused = bool(properties().pause)
-                self._physics = self._read_physics()
+                physics = str(rospy.get_param(f"{self.name}/physics", ""))
+                engine = rospy.get_param(f"{self.name}/engine", ENGINES[0])
+                is_usual = physics == "kinematic" or engine == ENGINES[0]
+                self._physics = physics if is_usual else f"{physics}, {engine}"
                 self.is_stand_in = self._has_steps()
                 self._answered = time.monotonic()
             except (G1DescriptionError, *SERVICE_ERRORS):
@@ -93,14 +96,6 @@ class LiveSimulator:
         except rosgraph.MasterError:
             return False
         return True
-
-    def _read_physics(self) -> str:
-        """Read the kind of physics, and the engine if it is not the usual one."""
-        physics = str(rospy.get_param(f"{self.name}/physics", ""))
-        engine = rospy.get_param(f"{self.name}/engine", ENGINES[0])
-        if physics == "kinematic" or engine == ENGINES[0]:
-            return physics
-        return f"{physics}, {engine}"
 
     def _measure(self) -> None:
         """Measure the real-time factor."""
