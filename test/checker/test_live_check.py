@@ -14,12 +14,12 @@ from g1_description.checks.live import AT_REST, STANDSTILL, LiveCheck
 from g1_description.checks.thresholds import Thresholds
 from g1_description.errors import UnknownNameError
 from g1_description.robot.description import Shape
-from g1_description.robot.load import absolute_urdf
+from g1_description.robot.load import read_absolute
 from g1_description.robot.state import RobotState
 from g1_description.robot.urdf import parse_urdf
 
 ROBOT = parse_urdf(
-    absolute_urdf(str(Path(__file__).parents[2] / "urdf" / "g1_29dof.urdf"))
+    read_absolute(str(Path(__file__).parents[2] / "urdf" / "g1_29dof.urdf")).text
 )
 JOINTS = {joint.name: 0.0 for joint in ROBOT.movable_joints}
 BASE = np.array([0.0, 0.0, 0.793, 0.0, 0.0, 0.0, 1.0])

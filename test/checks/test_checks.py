@@ -18,13 +18,13 @@ from g1_description.errors import (
     ThresholdError,
 )
 from g1_description.motion.motion import Motion
-from g1_description.robot.load import absolute_urdf
+from g1_description.robot.load import read_absolute
 from g1_description.robot.rotation import from_axis_angle, multiply
 from g1_description.robot.urdf import parse_urdf
 from g1_description.sim.standing import lowest_height
 
 MODEL = Path(__file__).parents[2] / "urdf" / "g1_29dof.urdf"
-ROBOT = parse_urdf(absolute_urdf(str(MODEL)))
+ROBOT = parse_urdf(read_absolute(str(MODEL)).text)
 JOINTS = tuple(joint.name for joint in ROBOT.movable_joints)
 COLLISIONS = collisions_of(ROBOT)
 RATE = 60.0

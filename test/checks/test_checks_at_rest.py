@@ -10,12 +10,12 @@ from g1_description.checks.thresholds import Thresholds
 from g1_description.checks.thresholds_file import with_thresholds
 from g1_description.errors import MotionError, UnknownNameError
 from g1_description.files.uris import with_absolute_uris
-from g1_description.robot.load import absolute_urdf
+from g1_description.robot.load import read_absolute
 from g1_description.robot.rotation import from_rpy
 from g1_description.robot.urdf import parse_urdf
 
 ROOT = Path(__file__).parents[2]
-ROBOT = parse_urdf(absolute_urdf(str(ROOT / "urdf" / "g1_29dof.urdf")))
+ROBOT = parse_urdf(read_absolute(str(ROOT / "urdf" / "g1_29dof.urdf")).text)
 JOINTS = tuple(joint.name for joint in ROBOT.movable_joints)
 STRICT = with_thresholds(
     Thresholds(),

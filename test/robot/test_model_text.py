@@ -9,7 +9,7 @@ import pytest
 from g1_description.errors import DescriptionError
 from g1_description.gazebo.programs import launched_robot
 from g1_description.importer.robot import open_robot
-from g1_description.robot.load import absolute_urdf, read_model
+from g1_description.robot.load import read_absolute, read_model
 from g1_description.robot.urdf import parse_urdf
 
 ROBOT = '<robot name="r"><link name="a"/></robot>'
@@ -61,7 +61,7 @@ DECLARATION = '<?xml version="1.0" encoding="utf-8"?>'
 def test_what_stands_before_the_declaration_does_no_harm(write, before):
     file = write("r.urdf", before + DECLARATION + "\n" + ROBOT)
     assert read_model(str(file)).description.name == "r"
-    text = absolute_urdf(str(file))
+    text = read_absolute(str(file)).text
     assert parse_urdf(text).link_names == ("a",)
     assert open_robot(read_model(str(file))).root.get("name") == "r"
 
@@ -75,7 +75,7 @@ def test_a_file_is_in_the_encoding_that_it_declares(write):
     model = read_model(str(file))
     assert model.description.name == "é"
     assert model.text.startswith("\n<robot")
-    assert parse_urdf(absolute_urdf(str(file))).name == "é"
+    assert parse_urdf(read_absolute(str(file)).text).name == "é"
 
 
 @pytest.mark.parametrize("encoding", ["ISO-8859-1", "none"])
@@ -158,7 +158,7 @@ def test_what_is_not_there_is_told_with_what_is_near(write, tmp_path):
     write("robots/urdf/g1.md")
     assert refusal(tmp_path / "robots" / "urdf" / "g1x.md").endswith("mean g1.md?).")
     with pytest.raises(DescriptionError, match=r"mean g1\.md\?\)\.$"):
-        absolute_urdf(str(tmp_path / "robots" / "urdf" / "g1x.md"))
+        read_absolute(str(tmp_path / "robots" / "urdf" / "g1x.md"))
     assert refusal(tmp_path / "robots" / "x").endswith("robots/x.")
     write("robot.urdf")
     assert refusal(tmp_path / "nope.urdf").endswith("nope.urdf.")

@@ -151,15 +151,10 @@ def test_there_is_nothing_else(server, path):
 
 def test_a_browser_gets_the_scene_and_is_counted(server):
     wait_until_left(server)
-    before = server.bytes_sent
-    assert not server.watched.is_set()
     with join(server) as page:
         assert len(page.recv(timeout=TIMEOUT)) > 100
         assert server.browsers == 1
-        assert server.watched.is_set()
-        wait_for(lambda: server.bytes_sent > before + 100, "bytes counted")
     wait_until_left(server)
-    assert not server.watched.is_set()
 
 
 def test_a_page_of_another_version_is_told_to_reload(server):

@@ -117,11 +117,6 @@ def _expand(path: Path, arguments: dict[str, str]) -> str:
     return run.stdout
 
 
-def absolute_urdf(requested: str) -> str:
-    """Return the text of ``read_absolute``."""
-    return read_absolute(requested).text
-
-
 def read_description(requested: str) -> Description:
     """Return the robot of ``read_absolute``, whose meshes are found from anywhere."""
     model = read_absolute(requested)

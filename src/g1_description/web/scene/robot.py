@@ -56,11 +56,11 @@ class SceneRobot:
             tint: Colour of all its shapes; by default their own.
         """
         self.description = robot
-        self._scene, self._tint = scene, tint
+        self._scene = scene
         self._root = scene.add_frame(path, show_axes=False)
         self.tree = LinkTree(scene, self._root.name, robot)
-        self.patches, self.notes = link_patches(robot)
-        """Triangles by link, and messages on meshes that cannot be used."""
+        self.patches, _ = link_patches(robot)
+        """Triangles by link."""
         self._visuals = self._add("visual", self.patches, tint)
         self._red: set[str] = set()
         self._named: tuple[str, LabelHandle] | None = None
@@ -213,10 +213,6 @@ class SceneRobot:
         if shown or layer in self.__dict__:
             for node in getattr(self, layer):
                 node.visible = shown
-
-    def remove(self) -> None:
-        """Take it out of the scene."""
-        self._root.remove()
 
 
 def rgb(color: Color) -> tuple[int, int, int]:

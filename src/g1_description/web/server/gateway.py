@@ -52,13 +52,8 @@ class Pipe:
         self._is_read_only = is_read_only
         self._loop = asyncio.get_running_loop()
 
-    async def run(self, viser: HiddenViser, on_sent: Callable[[int], None]) -> None:
-        """Pass messages on until either side closes.
-
-        Args:
-            viser: Where they go.
-            on_sent: Called with the size of each message that was sent.
-        """
+    async def run(self, viser: HiddenViser) -> None:
+        """Pass messages on to viser and back until either side closes."""
         assert self._browser.request is not None
         cookies = "; ".join(self._browser.request.headers.get_all("Cookie"))
         slow = {SLOW_HEADER: "1"} if SLOW_COOKIE in cookies.split("; ") else {}
@@ -73,11 +68,9 @@ class Pipe:
             close_timeout=1,
             logger=quiet,
         ) as scene:
-            await _until_one_ends(self._down(scene, on_sent), self._up(scene))
+            await _until_one_ends(self._down(scene), self._up(scene))
 
-    async def _down(
-        self, scene: ClientConnection, on_sent: Callable[[int], None]
-    ) -> None:
+    async def _down(self, scene: ClientConnection) -> None:
         """Pass viser's messages on to the browser."""
         async for message in scene:
             self._timer = self._loop.call_later(STALL_TIMEOUT, self._end_stalled, 0)
@@ -85,7 +78,6 @@ class Pipe:
                 await self._browser.send(message)
             finally:
                 self._timer.cancel()
-            on_sent(len(message))
 
     def _end_stalled(self, before: int) -> None:
         """End a connection through which nothing goes, else look again later."""
@@ -149,9 +141,7 @@ class Gateway:
     """Stands before viser, in a thread of its own.
 
     Attributes:
-        watched: Set while at least one browser shows the page.
-        browsers: How many do.
-        bytes_sent: How much has been sent to all so far.
+        browsers: How many show the page.
     """
 
     def __init__(
@@ -169,9 +159,7 @@ class Gateway:
             admission: Who may come in.
             page: The answer over HTTP.
         """
-        self.watched = threading.Event()
         self.browsers = 0
-        self.bytes_sent = 0
         self._options = options
         self._hidden = hidden
         self._admission = admission
@@ -256,7 +244,6 @@ class Gateway:
         if response is not None:
             transport = weakref.ref(connection.transport)
             self._loop.call_later(PAGE_TIMEOUT, _abort, transport)
-            self._count(len(response.body or b""))
         return response
 
     def _too_many(self) -> str:
@@ -277,21 +264,14 @@ class Gateway:
     async def _show(self, browser: ServerConnection) -> None:
         """Connect a browser with viser."""
         self.browsers += 1
-        self.watched.set()
         pipe = Pipe(browser, self._options.read_only)
         try:
-            await pipe.run(self._hidden, self._count)
+            await pipe.run(self._hidden)
         except (ConnectionClosed, OSError, asyncio.TimeoutError) as error:
             log.debug("lost the connection to a browser: %s", error)
         finally:
             self.browsers -= 1
-            if not self.browsers:
-                self.watched.clear()
         await refuse(browser, CloseCode.GOING_AWAY, "")
-
-    def _count(self, size: int) -> None:
-        """Count bytes that have been sent."""
-        self.bytes_sent += size
 
     def _warn(self, text: str) -> None:
         """Log a warning, one a minute at most."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import atexit
 import secrets
-import threading
 from typing import TYPE_CHECKING
 
 from g1_description.errors import PageServerError
@@ -27,7 +26,6 @@ class PageServer:
     Attributes:
         viser: What fills the page.
         address: URL of the page, with the token if required.
-        watched: Set while at least one browser shows the page.
     """
 
     def __init__(self, options: ServerOptions) -> None:
@@ -57,7 +55,6 @@ class PageServer:
             Admission(token, base, opened.getsockname()[1]),
             ScriptedPage(),
         )
-        self.watched: threading.Event = self._gateway.watched
         try:
             self._gateway.open(opened)
         except PageServerError:
@@ -70,11 +67,6 @@ class PageServer:
     def browsers(self) -> int:
         """How many show the page."""
         return self._gateway.browsers
-
-    @property
-    def bytes_sent(self) -> int:
-        """How much has been sent to all browsers so far."""
-        return self._gateway.bytes_sent
 
     def close(self) -> None:
         """Close the page; more than once is no mistake."""
