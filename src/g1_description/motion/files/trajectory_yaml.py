@@ -7,16 +7,6 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from ruamel.yaml import YAML
-from ruamel.yaml.events import (
-    AliasEvent,
-    DocumentEndEvent,
-    MappingEndEvent,
-    MappingStartEvent,
-    ScalarEvent,
-    SequenceEndEvent,
-    SequenceStartEvent,
-)
 
 from g1_description.bounds import MAX_VALUE
 from g1_description.errors import MotionError, NoMotionError, cause
@@ -95,6 +85,8 @@ def _refusal(text: str) -> type[MotionError]:
 
 def _message(text: str) -> Any:
     """Read the first document; scalars stay text."""
+    from ruamel.yaml import YAML  # takes a tenth of the start of a bridge
+
     try:
         return _built(iter(YAML(typ="safe").parse(text)))
     except MotionError as error:
@@ -109,7 +101,7 @@ def _message(text: str) -> Any:
         ) from error
 
 
-def _built(events: Iterator[Any]) -> Any:
+def _built(parsed: Iterator[Any]) -> Any:
     """Build dictionaries, lists and text from the events of a document.
 
     Not recursive, without anchors and merges: the run time is linear in the length.
@@ -117,13 +109,15 @@ def _built(events: Iterator[Any]) -> Any:
     Raises:
         MotionError: If it is nested too deeply, or uses features that messages do not.
     """
+    from ruamel.yaml import events
+
     outer: list[list] = []
     parts: list[Any] = []
-    for event in events:
-        if isinstance(event, DocumentEndEvent):
+    for event in parsed:
+        if isinstance(event, events.DocumentEndEvent):
             break
         line = event.start_mark.line + 1
-        if isinstance(event, AliasEvent) or getattr(event, "anchor", None):
+        if isinstance(event, events.AliasEvent) or getattr(event, "anchor", None):
             raise MotionError(
                 f"Line {line} has an anchor or alias, which is not allowed."
             )
@@ -131,14 +125,14 @@ def _built(events: Iterator[Any]) -> Any:
             raise MotionError(f"Line {line} has a tag, which is not allowed.")
         if len(outer) > MAX_DEPTH:
             raise MotionError(f"Line {line} is nested {len(outer)} levels deep.")
-        if isinstance(event, ScalarEvent):
+        if isinstance(event, events.ScalarEvent):
             parts.append(event.value)
-        elif isinstance(event, (MappingStartEvent, SequenceStartEvent)):
+        elif isinstance(event, (events.MappingStartEvent, events.SequenceStartEvent)):
             outer.append(parts)
             parts = []
-        elif isinstance(event, (MappingEndEvent, SequenceEndEvent)):
+        elif isinstance(event, (events.MappingEndEvent, events.SequenceEndEvent)):
             found: Any = parts
-            if isinstance(event, MappingEndEvent):
+            if isinstance(event, events.MappingEndEvent):
                 if not all(type(key) is str for key in parts[::2]):
                     problem = "has a key that is not text"
                     raise MotionError(
