@@ -6,14 +6,14 @@ from pathlib import Path
 import pytest
 
 from g1_description.api import Robot
-from g1_description.checks.causes import (
+from g1_description.checks.verdict import (
     BY_LIMBS,
     BY_TIME,
+    Finding,
     cause_text,
     with_causes,
     worst_of,
 )
-from g1_description.checks.verdict import Finding
 from g1_description.robot.assembly import limbs_of
 
 

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from g1_description.checks.causes import with_causes
 from g1_description.checks.ground_contacts import drifts
 from g1_description.checks.intervals import intervals, time_share
 from g1_description.checks.measured import CheckedRobot, Measured, measure
@@ -25,7 +24,7 @@ from g1_description.checks.rules.physics import (
 )
 from g1_description.checks.thresholds import Thresholds
 from g1_description.checks.thresholds_file import read_thresholds
-from g1_description.checks.verdict import Verdict, sorted_findings
+from g1_description.checks.verdict import Verdict, sorted_findings, with_causes
 from g1_description.collisions.find_pairs import collisions_of
 from g1_description.collisions.self_collisions import SelfCollisions
 from g1_description.errors import G1DescriptionError, UnknownNameError

@@ -11,7 +11,6 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from g1_description.checks.causes import cause_text, worst_of
 from g1_description.checks.rules import RULES
 from g1_description.checks.verdict import (
     COUNTS,
@@ -21,6 +20,8 @@ from g1_description.checks.verdict import (
     WARNING,
     Finding,
     Verdict,
+    cause_text,
+    worst_of,
 )
 
 NOT_READ, NOT_CHECKED = "not read", "not checked"

@@ -69,7 +69,7 @@ class Rule:
     """Label of a finding's marker, followed by its size."""
 
     grouping: str = ""
-    """Which findings have the same cause: ``BY_LIMBS`` or ``BY_TIME`` of ``causes``;
+    """Which findings have the same cause: ``BY_LIMBS`` or ``BY_TIME``;
     empty: none."""
 
     reddens: bool = False

@@ -12,10 +12,15 @@ from pathlib import Path
 
 import numpy as np
 
-from g1_description.checks.causes import cause_text, worst_of
 from g1_description.checks.report import FileResult, skipped_text, summary_text
 from g1_description.checks.rule import units
-from g1_description.checks.verdict import Finding, Verdict, figure_text
+from g1_description.checks.verdict import (
+    Finding,
+    Verdict,
+    cause_text,
+    figure_text,
+    worst_of,
+)
 from g1_description.motion.motion import Motion, fitted
 from g1_description.render.page_data import motion_data, robot_data
 from g1_description.robot.description import Description

@@ -13,10 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from g1_description.checks.causes import worst_of
 from g1_description.checks.marks import short_name, size_text, subject_text
 from g1_description.checks.rules import RULES
-from g1_description.checks.verdict import FAILED, Finding, Verdict
+from g1_description.checks.verdict import FAILED, Finding, Verdict, worst_of
 from g1_description.motion.motion import Motion
 from g1_description.render.patches import Patch, link_patches
 from g1_description.robot.assembly import root_in_base

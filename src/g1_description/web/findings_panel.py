@@ -6,9 +6,8 @@ import html
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from g1_description.checks.causes import cause_text, worst_of
 from g1_description.checks.marks import short_name
-from g1_description.checks.verdict import FAILED, Finding, Verdict
+from g1_description.checks.verdict import FAILED, Finding, Verdict, cause_text, worst_of
 from g1_description.web.ui_loop import UiLoop
 
 if TYPE_CHECKING:

@@ -6,14 +6,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from g1_description.checks.causes import BY_TIME
 from g1_description.checks.ground_contacts import GroundSamples, drifts
 from g1_description.checks.intervals import runs
 from g1_description.checks.measured import Measured
 from g1_description.checks.rule import Rule
 from g1_description.checks.rules.jumps import near_jumps
 from g1_description.checks.thresholds import Level
-from g1_description.checks.verdict import Finding
+from g1_description.checks.verdict import BY_TIME, Finding
 from g1_description.robot.dynamics import GRAVITY
 
 FREE_FALL = 0.5

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from g1_description.checks.causes import BY_TIME
 from g1_description.checks.intervals import around
 from g1_description.checks.measured import Measured, rotation_vectors
 from g1_description.checks.rule import Rule, units
 from g1_description.checks.thresholds import Level
-from g1_description.checks.verdict import Finding
+from g1_description.checks.verdict import BY_TIME, Finding
 
 QUIET_SAMPLES = 3
 """Samples before and after a jump without usable speeds: third-order differences span

@@ -6,12 +6,11 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from g1_description.checks.causes import BY_TIME
 from g1_description.checks.measured import CheckedRobot, Measured
 from g1_description.checks.rule import Rule, units
 from g1_description.checks.rules.jumps import near_jumps
 from g1_description.checks.thresholds import Level, Thresholds
-from g1_description.checks.verdict import Finding
+from g1_description.checks.verdict import BY_TIME, Finding
 from g1_description.errors import ThresholdError
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description, Joint

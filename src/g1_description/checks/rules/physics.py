@@ -6,12 +6,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from g1_description.checks.causes import BY_TIME
 from g1_description.checks.intervals import intervals, time_share
 from g1_description.checks.measured import Measured
 from g1_description.checks.rule import Rule, units
 from g1_description.checks.thresholds import Level
-from g1_description.checks.verdict import Finding
+from g1_description.checks.verdict import BY_TIME, Finding
 from g1_description.robot.rotation import conjugate, rotate
 from g1_description.sim.rollout import Rollout
 

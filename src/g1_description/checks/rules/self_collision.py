@@ -6,11 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from g1_description.checks.causes import BY_LIMBS
 from g1_description.checks.measured import CheckedRobot, Measured
 from g1_description.checks.rule import Rule
 from g1_description.checks.thresholds import Level
-from g1_description.checks.verdict import Finding
+from g1_description.checks.verdict import BY_LIMBS, Finding
 from g1_description.collisions.self_collisions import Contacts
 
 
