@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from g1_description.checker.markers import KINDS, MarkerMaker
-from g1_description.checks.checker import Checker
-from g1_description.checks.live import AT_REST, STANDSTILL, LiveCheck
+from g1_description.checks.checker import AT_REST, STANDSTILL, Checker, LiveCheck
 from g1_description.checks.thresholds import Thresholds
 from g1_description.errors import UnknownNameError
 from g1_description.robot.description import Shape

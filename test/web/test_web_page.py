@@ -16,8 +16,7 @@ pytest.importorskip("viser", reason="viser is not installed")
 from shown_pages import ARMS, Open
 from web_clients import running
 
-from g1_description.checks.checker import Checker
-from g1_description.checks.live import LiveCheck
+from g1_description.checks.checker import Checker, LiveCheck
 from g1_description.checks.thresholds import Thresholds
 from g1_description.errors import InvalidValueError
 from g1_description.robot.poses import read_poses

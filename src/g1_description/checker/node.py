@@ -29,8 +29,7 @@ from g1_description.checker.parameters import (
     wait_for_robot,
 )
 from g1_description.checker.services import CheckServices, IkService
-from g1_description.checks.checker import Checker
-from g1_description.checks.live import LiveCheck
+from g1_description.checks.checker import Checker, LiveCheck
 from g1_description.checks.measured import NO_BASE
 from g1_description.checks.verdict import FAILED, WARNING, Finding, Verdict
 from g1_description.collisions.find_pairs import collisions_of

@@ -1,4 +1,4 @@
-"""All checks of one robot: of motions, and of single configurations."""
+"""All checks of one robot: of motions, single configurations and its current state."""
 
 from __future__ import annotations
 
@@ -28,9 +28,10 @@ from g1_description.checks.verdict import Verdict, sorted_findings, with_causes
 from g1_description.collisions.find_pairs import collisions_of
 from g1_description.collisions.self_collisions import SelfCollisions
 from g1_description.errors import G1DescriptionError, UnknownNameError
-from g1_description.motion.motion import Motion
+from g1_description.motion.motion import Motion, configuration
 from g1_description.robot.assembly import limbs_of
 from g1_description.robot.description import Description
+from g1_description.robot.state import RobotState
 from g1_description.sim.rollout import Conditions, rollout
 from g1_description.text import listed, similar_first
 
@@ -128,9 +129,12 @@ class Checker:
                     "joints: "
                     f"{listed(similar_first(name, known))}."
                 )
-        motion = _single(positions, base, velocities)
+        still = motion = configuration(positions, base)
+        if velocities is not None:
+            rates = [[velocities[name] for name in positions]]
+            motion = replace(still, velocities=np.array(rates, dtype=float))
         rules = self._rules(motion, only, physics=False)
-        measured = self._measure(replace(motion, velocities=None), rules)
+        measured = self._measure(still, rules)
         if motion.velocities is not None:
             measured.velocities = motion.velocities
         return self._verdict(measured, rules, ())
@@ -253,24 +257,6 @@ def _ways(measured: Measured) -> dict[str, float]:
     }
 
 
-def _single(
-    positions: Mapping[str, float],
-    base: np.ndarray | None,
-    velocities: Mapping[str, float] | None,
-) -> Motion:
-    """Make a motion of one configuration."""
-    rates = None
-    if velocities is not None:
-        rates = np.array([[velocities[name] for name in positions]], dtype=float)
-    return Motion(
-        np.zeros(1),
-        tuple(positions),
-        np.array([[*positions.values()]], dtype=float),
-        rates,
-        None if base is None else np.array([base], dtype=float),
-    )
-
-
 def _floor_contacts(measured: Measured) -> dict[str, tuple[tuple[float, float], ...]]:
     """List when links are in contact with the floor."""
     if measured.in_contact is None:
@@ -281,3 +267,85 @@ def _floor_contacts(measured: Measured) -> dict[str, tuple[tuple[float, float], 
         )
         for column in np.flatnonzero(measured.in_contact.any(axis=0))
     }
+
+
+AT_REST = tuple(rule.name for rule in RULES if rule.only_at_rest)
+"""Checks that apply only to a robot at rest."""
+
+LIVE = tuple(r.name for r in RULES if r.is_live and not r.needs_physics)
+"""Checks of a current state."""
+
+STANDSTILL = 1e-6
+"""States closer in time than this, in [s], have no velocity: simulated time is
+paused."""
+
+
+class LiveCheck:
+    """Checks states of one robot; an unchanged state is not checked again."""
+
+    def __init__(self, checker: Checker) -> None:
+        self._checker = checker
+        joints = checker.description.movable_joints
+        self._joints = frozenset(joint.name for joint in joints)
+        self._last: tuple[float, np.ndarray] | None = None
+        self._newest: tuple[object, Verdict] | None = None
+
+    def begin_again(self) -> None:
+        """Forget the last state, because time went back."""
+        self._last = None
+
+    def check(self, state: RobotState) -> Verdict:
+        """Check a state.
+
+        Args:
+            state: Its unknown joints, such as those of hands, are ignored.
+
+        Returns:
+            The verdict. While the centre of mass moves, the checks of ``AT_REST`` are
+            skipped.
+
+        Raises:
+            G1DescriptionError: If it cannot be checked.
+        """
+        positions, velocities = state.positions_by_name, state.velocities_by_name
+        base = state.base_pose
+        content = positions, None if base is None else base.tobytes(), velocities
+        if self._newest is None or content != self._newest[0]:
+            own = self._own(positions)
+            rates = None if velocities is None else self._own(velocities) or None
+            verdict = self._checker.check_state(own, base, LIVE, rates)
+            self._newest = content, verdict
+        verdict = self._newest[1]
+        if not self._moves(state.time, verdict):
+            return verdict
+        removed = [name for name in verdict.checked if name in AT_REST]
+        return replace(
+            verdict,
+            findings=tuple(f for f in verdict.findings if f.check not in removed),
+            checked=tuple(name for name in verdict.checked if name not in removed),
+            skipped={**verdict.skipped, **dict.fromkeys(removed, "the robot moves")},
+        )
+
+    def _own(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Select the robot's joints; raise if there are none."""
+        own = {name: value for name, value in values.items() if name in self._joints}
+        if values and not own:
+            raise UnknownNameError(
+                f"{self._checker.description.name} has none of these joints: "
+                f"{listed(values)}."
+            )
+        return own
+
+    def _moves(self, time: float, verdict: Verdict) -> bool:
+        """Return whether the centre of mass has moved since the last state."""
+        assert verdict.measured is not None
+        balance, last = verdict.measured.balance, self._last
+        if balance is None:
+            self._last = None
+            return False
+        center = balance.center[0]
+        self._last = time, center
+        if last is None or time - last[0] < STANDSTILL:
+            return False
+        speed = np.linalg.norm(center - last[1]) / (time - last[0])
+        return bool(speed > self._checker.thresholds.still_speed)

@@ -8,8 +8,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Callable, Tuple
 
-from g1_description.checks.checker import Checker
-from g1_description.checks.live import LiveCheck
+from g1_description.checks.checker import Checker, LiveCheck
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.robot.state import RobotState
