@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
-from g1_description.checks.rules.balance import CENTER_OF_MASS, ZERO_MOMENT_POINT
-from g1_description.checks.rules.ground import DRIFT, FLOATING, PENETRATION, SKATING
+from g1_description.checks.rules.ground import (
+    CENTER_OF_MASS,
+    DRIFT,
+    FLOATING,
+    PENETRATION,
+    SKATING,
+    ZERO_MOMENT_POINT,
+)
 from g1_description.checks.rules.jumps import BASE_JUMP, JUMP
 from g1_description.checks.rules.limits import (
     ACCELERATION,

@@ -1,4 +1,4 @@
-"""The robot and its floor: penetration, floating, skating and drift."""
+"""The robot and its floor: penetration, floating, skating, drift and balance."""
 
 from __future__ import annotations
 
@@ -24,6 +24,9 @@ MOVING = 0.1
 
 SHORTEST_FLIGHT = 0.1
 """Shorter times in the air are not checked, in [s]: noise hides the acceleration."""
+
+
+OUTSIDE = "{worst:.4g} m outside the support polygon{when}"
 
 
 def slides(measured: Measured) -> np.ndarray:
@@ -52,12 +55,9 @@ def _penetrations(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
 
 def _skating(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
     """Find links that slide on the floor."""
-    speeds = measured.once(slides)
+    lowest, speeds = _ground(measured).lowest, measured.once(slides)
     for column in rule.columns(measured, speeds):
-        link, points = (
-            measured.ground_links[column],
-            _ground(measured).lowest[:, column],
-        )
+        link, points = measured.ground_links[column], lowest[:, column]
         text = f"{link} slides on the floor at {{worst:.4g}} m/s{{when}}"
         yield rule.compared(measured, (link,), speeds[:, column], text, points=points)
 
@@ -124,6 +124,25 @@ def _float_heights(measured: Measured) -> np.ndarray:
     return floats
 
 
+def _center_of_mass(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
+    """Find the centre of mass outside, while the robot is still."""
+    balance = measured.balance
+    assert balance is not None
+    below = balance.center.copy()
+    below[:, 2] = measured.robot.thresholds.floor_height
+    sizes = np.where(balance.is_still, -balance.center_margin, np.nan)
+    text = f"centre of mass {OUTSIDE}"
+    yield rule.compared(measured, (), sizes, text, points=below)
+
+
+def _zero_moment_point(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
+    """Find the zero-moment point outside, where accelerations are known."""
+    assert measured.balance is not None
+    is_known = measured.once(near_jumps).is_known
+    sizes = np.where(is_known, -measured.balance.zmp_margin, np.nan)
+    yield rule.compared(measured, (), sizes, f"zero-moment point {OUTSIDE}")
+
+
 PENETRATION = Rule(
     name="penetration",
     grouping=BY_TIME,
@@ -173,4 +192,26 @@ DRIFT = Rule(
     needs=("ground",),
     requires="base",
     is_live=False,
+)
+CENTER_OF_MASS = Rule(
+    name="center_of_mass",
+    about="the centre of mass outside the support polygon, while the robot is still",
+    level=Level(None, 0.0),
+    limit="m outside the support polygon, while still",
+    unit="m",
+    find=_center_of_mass,
+    needs=("ground", "balance"),
+    requires="base",
+    only_at_rest=True,
+)
+ZERO_MOMENT_POINT = Rule(
+    name="zero_moment_point",
+    about="the zero-moment point outside the support polygon",
+    level=Level(0.05, None),
+    limit="m outside the support polygon",
+    unit="m",
+    find=_zero_moment_point,
+    needs=("ground", "balance"),
+    requires="base",
+    is_live=False,  # equal to the centre of mass at rest
 )
