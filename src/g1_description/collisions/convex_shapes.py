@@ -1,8 +1,11 @@
-"""Convex shapes of the links of a robot, for collision checks."""
+"""Convex shapes of the links of a robot, and tests that they are apart.
+
+The tests are by bounding spheres, by boxes and by separating planes.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +13,13 @@ import numpy as np
 from g1_description.robot.assembly import WORLD
 from g1_description.robot.description import Description, Link, Shape
 from g1_description.robot.rotation import rotate
-from g1_description.sim.meshes.hulls import hull_points, hull_vertices, outline, thinned
+from g1_description.sim.meshes.hulls import (
+    hull_normals,
+    hull_points,
+    hull_vertices,
+    outline,
+    thinned,
+)
 from g1_description.sim.meshes.shapes import Mesh, find_meshes, is_there
 
 TOLERANCE = 5e-4
@@ -60,7 +69,12 @@ def robot_shapes(
     meshes, left_out = find_meshes(shape for shapes in used for shape in shapes)
     found = []
     for row, (link, shapes) in enumerate(zip(links, used)):
-        found += _convex(row, shapes, meshes, is_split=bool(link.collisions))
+        found += [
+            ConvexShape(row, shape.pose[:3] + rotate(shape.pose[3:], points), radius)
+            for shape in shapes
+            if is_there(shape, meshes)
+            for points, radius in _hulls(shape, meshes, bool(link.collisions))
+        ]
     return tuple(found), (*description.unread, *left_out)
 
 
@@ -70,29 +84,13 @@ def posed_links(description: Description) -> list[Link]:
     return [x for x in description.links if not (root_is_world and x.name == WORLD)]
 
 
-def _convex(
-    row: int, shapes: Sequence[Shape], meshes: Mapping[str, Mesh], is_split: bool
-) -> list[ConvexShape]:
-    """Make the convex shapes of a link.
-
-    Args:
-        row: The link's.
-        shapes: Its shapes.
-        meshes: By the names of their files.
-        is_split: Whether each part of a mesh becomes a hull of its own.
-    """
-    return [
-        ConvexShape(row, shape.pose[:3] + rotate(shape.pose[3:], points), radius)
-        for shape in shapes
-        if is_there(shape, meshes)
-        for points, radius in _hulls(shape, meshes, is_split)
-    ]
-
-
 def _hulls(
     shape: Shape, meshes: Mapping[str, Mesh], is_split: bool
 ) -> Iterator[tuple[np.ndarray, float]]:
-    """Yield vertices in a shape's frame, shape (n, 3), with the radius around them."""
+    """Yield vertices in a shape's frame, shape (n, 3), with the radius around them.
+
+    Each part of a split mesh is a hull of its own.
+    """
     if shape.kind == "mesh" and is_split:
         for part in hull_points(meshes[shape.filename]):
             yield _few(part * np.array(shape.size)), 0.0
@@ -197,3 +195,237 @@ def place(
         rotation += signs * (q_a[:, left] * q_b[:, right])
     origin = turn(np.swapaxes(axes_a, 1, 2), poses_b[:, :3] - poses_a[:, :3])
     return ShapePairs(a, b, axes_of(rotation), origin, rotation)
+
+
+class Bounds:
+    """A sphere and a box about each shape, in the frame of its link."""
+
+    def __init__(self, shapes: Sequence[ConvexShape]) -> None:
+        boxes = [_box(shape) for shape in shapes]
+        self._link = np.array([shape.link for shape in shapes], dtype=int)
+        self._center = np.array([center for center, _, _ in boxes]).reshape(-1, 3)
+        self._axes = np.array([axes for _, axes, _ in boxes]).reshape(-1, 3, 3)
+        self._half = np.array([half for _, _, half in boxes]).reshape(-1, 3)
+        self._radius = np.linalg.norm(self._half, axis=1)
+
+    def near(
+        self, T_world_link: np.ndarray, axes: np.ndarray, pairs: np.ndarray, gap: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Find the pairs whose spheres are near each other.
+
+        Args:
+            T_world_link: Poses of the links, shape (n_samples, n_links, 7).
+            axes: These rotations as matrices, shape (n_samples, n_links, 3, 3).
+            pairs: Indices of shapes, shape (n_pairs, 2).
+            gap: Pairs this far apart or farther are excluded, in [m].
+
+        Returns:
+            Samples and rows of ``pairs``, shapes (n,).
+        """
+        turned = axes[:, self._link] @ self._center[:, :, np.newaxis]
+        center = T_world_link[:, self._link, :3] + turned[..., 0]
+        apart = center[:, pairs[:, 0]] - center[:, pairs[:, 1]]
+        reach = self._radius[pairs].sum(axis=1) + gap
+        squared = np.einsum("fpi,fpi->fp", apart, apart)
+        samples, rows = np.nonzero(squared < reach**2)
+        return samples, rows
+
+    def overlap(self, placed: ShapePairs, gap: float) -> np.ndarray:
+        """Find the pairs that are not separated by a face of their boxes.
+
+        Args:
+            placed: Pairs of shapes.
+            gap: Pairs this far apart or farther are excluded, in [m].
+
+        Returns:
+            Rows of ``placed``, shape (n,).
+        """
+        a, b = placed.a, placed.b
+        axes_a, axes_b = self._axes[a], placed.axes @ self._axes[b]
+        center_b = (placed.axes @ self._center[b][:, :, np.newaxis])[..., 0]
+        apart = (placed.origin + center_b - self._center[a])[:, np.newaxis]
+        slopes = np.abs(np.swapaxes(axes_a, 1, 2) @ axes_b)
+        half_a, half_b = self._half[a][:, np.newaxis], self._half[b][:, np.newaxis]
+        reach_b = (slopes @ np.swapaxes(half_b, 1, 2))[..., 0]
+        along_a = np.abs(apart @ axes_a)[:, 0] - half_a[:, 0] - reach_b
+        along_b = np.abs(apart @ axes_b)[:, 0] - half_b[:, 0] - (half_a @ slopes)[:, 0]
+        return np.flatnonzero(np.maximum(along_a, along_b).max(axis=1) < gap)
+
+
+def _box(shape: ConvexShape) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Find the smaller of two boxes: along the link's axes, or the principal ones.
+
+    Returns:
+        Its centre, shape (3,), its axes as columns, shape (3, 3), and half its sides,
+        shape (3,), in the link frame, in [m].
+    """
+    centered = shape.points - shape.points.mean(axis=0)
+    boxes = []
+    for axes in (np.eye(3), np.linalg.svd(centered.T @ centered)[0]):
+        along = shape.points @ axes
+        low, high = along.min(axis=0) - shape.radius, along.max(axis=0) + shape.radius
+        boxes.append((axes @ (low + high) / 2.0, axes, (high - low) / 2.0))
+    return min(boxes, key=lambda box: float(np.prod(box[2])))
+
+
+ROUNDS = 4
+"""Iterations of a search: pairs that are not separated by then mostly collide."""
+
+FEW = 32
+"""Up to this number, all shapes are searched at once, which is faster but needs more
+memory."""
+
+TINY = 1e-12
+"""Length below which a vector has no direction, in [m]."""
+
+
+class Separation:
+    """Gaps between the shapes of a robot."""
+
+    def __init__(self, shapes: Sequence[ConvexShape]) -> None:
+        self._shapes = shapes
+        self._radius = np.array([shape.radius for shape in shapes])
+        middles = [(s.points.min(axis=0) + s.points.max(axis=0)) / 2 for s in shapes]
+        self._middle = np.array(middles).reshape(-1, 3)
+        self._padded = _padded([shape.points for shape in shapes])
+        self._normals = [hull_normals(shape.points) for shape in shapes]
+
+    def apart(self, placed: ShapePairs, gap: float) -> np.ndarray:
+        """Find pairs that a plane separates, by their farthest points.
+
+        The search is that of Chung and Wang (1996): a direction along which the shapes
+        overlap is reflected by the direction between their farthest points.
+
+        Args:
+            placed: Pairs of shapes.
+            gap: Least width of the gap, in [m].
+
+        Returns:
+            Whether such a plane was found, shape (n,).
+        """
+        found = np.zeros(len(placed.a), dtype=bool)
+        rows, direction = np.arange(len(placed.a)), self.between_middles(placed)
+        for _ in range(ROUNDS):
+            if not len(rows):
+                break
+            step = self._between_ends(placed, direction)
+            radii = self._radius[placed.a] + self._radius[placed.b]
+            is_apart = (direction * step).sum(axis=1) - radii > gap
+            found[rows[is_apart]] = True
+            left = np.flatnonzero(~is_apart)
+            rows, placed = rows[left], placed[left]
+            step, direction = _unit(step[left]), direction[left]
+            turned = np.minimum((direction * step).sum(axis=1, keepdims=True), 0.0)
+            direction = _unit(direction - 2.0 * turned * step)
+        return found
+
+    def _between_ends(self, placed: ShapePairs, direction: np.ndarray) -> np.ndarray:
+        """Find vectors from the last points of a along directions to the first of b.
+
+        Args:
+            placed: Pairs of shapes.
+            direction: Unit vectors in the frames of a, shape (n, 3).
+
+        Returns:
+            In the frames of a, in [m], shape (n, 3).
+        """
+        backwards = -(direction[:, np.newaxis] @ placed.axes)[:, 0]
+        end_a = self._per_shape(placed.a, direction, _farthest)
+        end_b = self._per_shape(placed.b, backwards, _farthest)
+        return (placed.axes @ end_b[:, :, np.newaxis])[..., 0] + placed.origin - end_a
+
+    def between_middles(self, placed: ShapePairs) -> np.ndarray:
+        """Return the directions between the centres of shapes.
+
+        Returns:
+            Unit vectors in the frames of a, shape (n, 3).
+        """
+        middle_b = turn(placed.axes, self._middle[placed.b]) + placed.origin
+        return _unit(middle_b - self._middle[placed.a])
+
+    def normals(self, placed: ShapePairs, row: int) -> np.ndarray:
+        """Return the normals of all faces of a pair, those of b reversed.
+
+        Returns:
+            Unit vectors in the frame of a, shape (n, 3).
+        """
+        of_a = self._normals[placed.a[row]]
+        of_b = self._normals[placed.b[row]]
+        return np.concatenate([of_a, -turn(placed.axes[[row] * len(of_b)], of_b)])
+
+    def faces(
+        self, placed: ShapePairs, direction: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Find the extents of shapes along directions.
+
+        Args:
+            placed: Pairs of shapes.
+            direction: Unit vectors from a to b, in the frames of a, shape (n, 3).
+
+        Returns:
+            The end of a and the beginning of b along the direction, from the origin of
+            a's frame, in [m], shapes (n,). Their difference is a lower bound of the
+            distance; negative if they overlap.
+        """
+        backwards = -turn(np.swapaxes(placed.axes, 1, 2), direction)
+        end_a = self._per_shape(placed.a, direction, _reach)[:, 0]
+        end_b = self._per_shape(placed.b, backwards, _reach)[:, 0]
+        x, y, z = (placed.origin * direction).T
+        return (
+            end_a + self._radius[placed.a],
+            x + y + z - end_b - self._radius[placed.b],
+        )
+
+    def _per_shape(
+        self,
+        which: np.ndarray,
+        directions: np.ndarray,
+        function: Callable[[ConvexShape, np.ndarray], np.ndarray],
+    ) -> np.ndarray:
+        """Evaluate a function per shape, for all its directions at once."""
+        if len(which) <= FEW:
+            return self._per_row(which, directions, function is _farthest)
+        order = np.argsort(which, kind="stable")
+        shapes, first = np.unique(which[order], return_index=True)
+        result = np.zeros((len(which), 3 if function is _farthest else 1))
+        for shape, rows in zip(shapes.tolist(), np.split(order, first[1:])):
+            result[rows] = function(self._shapes[shape], directions[rows])
+        return result
+
+    def _per_row(
+        self, which: np.ndarray, directions: np.ndarray, is_farthest: bool
+    ) -> np.ndarray:
+        """Evaluate few directions at once, with an array of all shapes' points."""
+        points = self._padded[which]
+        x, y, z = directions.T[:, :, np.newaxis]
+        along = x * points[..., 0] + y * points[..., 1] + z * points[..., 2]
+        if is_farthest:
+            return np.asarray(points[np.arange(len(which)), along.argmax(axis=1)])
+        return np.asarray(along.max(axis=1, keepdims=True))
+
+
+def _farthest(shape: ConvexShape, directions: np.ndarray) -> np.ndarray:
+    """Find the farthest of the points of a shape, shape (n, 3)."""
+    return shape.points[(directions @ shape.points.T).argmax(axis=1)]
+
+
+def _padded(points: Sequence[np.ndarray]) -> np.ndarray:
+    """Pad the points of shapes to equal numbers, shape (n, k, 3)."""
+    most = max((len(rows) for rows in points), default=0)
+    parts = [np.concatenate([r, np.repeat(r[:1], most - len(r), 0)]) for r in points]
+    return np.array(parts).reshape(len(points), most, 3)
+
+
+def _reach(shape: ConvexShape, directions: np.ndarray) -> np.ndarray:
+    """Find how far the points of a shape reach along directions, shape (n, 1)."""
+    x, y, z = directions.T[:, :, np.newaxis]
+    along = x * shape.points[:, 0] + y * shape.points[:, 1] + z * shape.points[:, 2]
+    return along.max(axis=1, keepdims=True)
+
+
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    """Normalize vectors, shape (n, 3); zero vectors become x."""
+    squared = np.einsum("ij,ij->i", vectors, vectors)[:, np.newaxis]
+    unit = vectors / np.sqrt(np.maximum(squared, TINY * TINY))
+    unit[squared[:, 0] <= TINY * TINY] = 1.0, 0.0, 0.0
+    return np.asarray(unit)

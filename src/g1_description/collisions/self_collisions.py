@@ -19,7 +19,9 @@ import numpy as np
 
 from g1_description.collisions.allowed_pairs import AllowedPair, AllowedPairs
 from g1_description.collisions.convex_shapes import (
+    Bounds,
     ConvexShape,
+    Separation,
     ShapePairs,
     axes_of,
     place,
@@ -27,7 +29,6 @@ from g1_description.collisions.convex_shapes import (
     robot_shapes,
     turn,
 )
-from g1_description.collisions.separating_planes import Bounds, Separation
 from g1_description.errors import InvalidValueError
 from g1_description.former import former
 from g1_description.robot.assembly import rigid_frames
@@ -196,8 +197,16 @@ class SelfCollisions:
             allowed = allowed.pairs
         self.allowed = tuple(allowed)
         """Pairs that are not checked, with the reasons."""
-        self.pairs = _checked_pairs(
-            description, self.links, {pair.links for pair in allowed}
+        free = {pair.links for pair in self.allowed}
+        body = {
+            link: body
+            for tree in description.trees
+            for link, (body, _) in rigid_frames(tree).items()
+        }
+        self.pairs = tuple(
+            (a, b)
+            for a, b in combinations(self.links, 2)
+            if body[a] != body[b] and frozenset((a, b)) not in free
         )
         """The pairs of links that are checked."""
         self._link = np.array([shape.link for shape in self.shapes], dtype=int)
@@ -381,19 +390,3 @@ def _deepest(found: Contacts) -> np.ndarray:
     is_new = np.ones(len(order), dtype=bool)
     is_new[1:] = (sample[1:] != sample[:-1]) | (pair[1:] != pair[:-1])
     return order[is_new]
-
-
-def _checked_pairs(
-    description: Description, links: Collection[str], allowed: set[frozenset[str]]
-) -> tuple[tuple[str, str], ...]:
-    """List the pairs of links that can collide and are not allowed."""
-    group = {
-        link: body
-        for tree in description.trees
-        for link, (body, _) in rigid_frames(tree).items()
-    }
-    return tuple(
-        (a, b)
-        for a, b in combinations(links, 2)
-        if group[a] != group[b] and frozenset((a, b)) not in allowed
-    )
