@@ -12,8 +12,14 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from g1_description.checks.checker import Checker
-from g1_description.checks.plot import motion_plot
-from g1_description.checks.plot_panels import COLORS, MAX_BINS, bars, in_limits, thinned
+from g1_description.checks.plot import (
+    COLORS,
+    MAX_BINS,
+    bars,
+    in_limits,
+    motion_plot,
+    thinned,
+)
 from g1_description.checks.verdict import Finding, Verdict
 from g1_description.motion.motion import Motion
 from g1_description.robot.urdf import parse_urdf
