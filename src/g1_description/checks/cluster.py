@@ -33,7 +33,7 @@ from g1_description.files.uris import local_path
 from g1_description.motion.files import bag
 from g1_description.motion.files.formats import has_neighbours, read_motion
 from g1_description.motion.files.source import MotionSource
-from g1_description.robot.description import Description, Shape
+from g1_description.robot.description import Shape
 
 PACKAGES = ("files", "robot", "motion", "sim", "collisions", "checks")
 """Packages whose code checks motions."""
@@ -78,7 +78,15 @@ class Cluster(Here):
         self._files = checker
         self._address = address if "://" in address else f"tcp://{address}"
         self._dask = _library()
-        self._client = self._connected()
+        logging.getLogger(LIBRARY).setLevel(logging.CRITICAL)
+        try:
+            self._client = self._dask.Client(
+                self._address, timeout=TIMEOUT, set_as_default=False
+            )
+        except (OSError, ValueError, ImportError) as error:
+            raise ClusterError(
+                f"There is no Dask scheduler at {self._address}: {cause(error)}."
+            ) from error
         try:
             self.ahead = AHEAD * max(self._checked(), 1)
             self._executor = self._client.get_executor(pure=False)
@@ -89,18 +97,6 @@ class Cluster(Here):
         except BaseException:
             self.close()
             raise
-
-    def _connected(self) -> Any:
-        """Connect to the scheduler."""
-        logging.getLogger(LIBRARY).setLevel(logging.CRITICAL)
-        try:
-            return self._dask.Client(
-                self._address, timeout=TIMEOUT, set_as_default=False
-            )
-        except (OSError, ValueError, ImportError) as error:
-            raise ClusterError(
-                f"There is no Dask scheduler at {self._address}: {cause(error)}."
-            ) from error
 
     def _checked(self) -> int:
         """Check the workers; return how many threads they have."""
@@ -223,32 +219,25 @@ _folders = []
 
 def _received(checker: FileChecker, meshes: Mapping[str, bytes]) -> FileChecker:
     """Write the received meshes and return the checker of a robot that uses them."""
-    if meshes:
-        folder = TemporaryDirectory(prefix="check_")
-        _folders.append(folder)
-        uris = {}
-        for number, (name, content) in enumerate(meshes.items()):
-            file = Path(folder.name, f"{number}{Path(name).suffix}")
-            file.write_bytes(content)
-            uris[name] = f"file://{file}"
-        checker.checker.description = _renamed(checker.checker.description, uris)
-    return checker
-
-
-def _renamed(robot: Description, uris: Mapping[str, str]) -> Description:
-    """Give meshes other names."""
+    if not meshes:
+        return checker
+    folder = TemporaryDirectory(prefix="check_")
+    _folders.append(folder)
+    uris = {}
+    for number, (name, content) in enumerate(meshes.items()):
+        file = Path(folder.name, f"{number}{Path(name).suffix}")
+        file.write_bytes(content)
+        uris[name] = f"file://{file}"
 
     def renamed(shapes: Sequence[Shape]) -> tuple[Shape, ...]:
         names = ((shape, uris.get(shape.filename, shape.filename)) for shape in shapes)
         return tuple(replace(shape, filename=name) for shape, name in names)
 
-    links = (
-        replace(
-            link, collisions=renamed(link.collisions), visuals=renamed(link.visuals)
-        )
-        for link in robot.links
-    )
-    return replace(robot, links=tuple(links))
+    robot = checker.checker.description
+    parts = ((x, renamed(x.collisions), renamed(x.visuals)) for x in robot.links)
+    links = tuple(replace(x, collisions=c, visuals=v) for x, c, v in parts)
+    checker.checker.description = replace(robot, links=links)
+    return checker
 
 
 def _library() -> Any:

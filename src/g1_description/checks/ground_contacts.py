@@ -293,8 +293,10 @@ class Ground:
             is_unknown: Where velocities are not usable, shape (n,).
 
         Returns:
-            Means over ``SLIDE_WINDOW``, in [m/s]; NaN where a link does not touch the
-            floor, shape (n, n_links).
+            Means over ``SLIDE_WINDOW``, or the whole contact where that is shorter, in
+            [m/s]; NaN where a link does not touch the floor, shape (n, n_links). A foot
+            moves a little in the last millimetres before it touches down, so means
+            include the time that it stands.
         """
         heights, limits = samples.heights, self._thresholds
         touches = samples.in_contact & (heights <= limits.contact_height)
@@ -304,7 +306,19 @@ class Ground:
         is_lonely = lowest.any(axis=1) & ~samples.in_contact.any(axis=1)
         is_lonely = without_short(times, is_lonely, SLIDE_WINDOW)
         touches |= lowest & is_lonely[:, np.newaxis]
-        return _mean_speeds(samples.slide, touches & ~is_unknown[:, np.newaxis], times)
+        touches &= ~is_unknown[:, np.newaxis]
+        found = np.full(touches.shape, np.nan)
+        for column in np.flatnonzero(touches.any(axis=0)):
+            for first, last in runs(touches[:, column]):
+                rows = slice(first, last + 1)
+                inside = times[rows]
+                summed = np.append(0.0, np.cumsum(samples.slide[rows, column]))
+                latest = max(inside[0], inside[-1] - SLIDE_WINDOW)
+                start = np.clip(inside - SLIDE_WINDOW / 2.0, inside[0], latest)
+                begin = np.searchsorted(inside, start - SNAP, side="left")
+                end = np.searchsorted(inside, start + SLIDE_WINDOW + SNAP, side="right")
+                found[rows, column] = (summed[end] - summed[begin]) / (end - begin)
+        return found
 
 
 def _trim_steps(stood: np.ndarray, heights: np.ndarray, touches: np.ndarray) -> None:
@@ -324,28 +338,6 @@ def _trim_steps(stood: np.ndarray, heights: np.ndarray, touches: np.ndarray) -> 
         while first < last < end and rises[last - 1] and not touches[last]:
             stood[last] = False
             last -= 1
-
-
-def _mean_speeds(
-    slide: np.ndarray, touches: np.ndarray, times: np.ndarray
-) -> np.ndarray:
-    """Average speeds over ``SLIDE_WINDOW``, or the whole contact where that is shorter.
-
-    A foot moves a little in the last millimetres before it touches down, so the average
-    includes the time that it stands.
-    """
-    found = np.full(slide.shape, np.nan)
-    for column in np.flatnonzero(touches.any(axis=0)):
-        for first, last in runs(touches[:, column]):
-            rows = slice(first, last + 1)
-            inside = times[rows]
-            summed = np.append(0.0, np.cumsum(slide[rows, column]))
-            latest = max(inside[0], inside[-1] - SLIDE_WINDOW)
-            start = np.clip(inside - SLIDE_WINDOW / 2.0, inside[0], latest)
-            begin = np.searchsorted(inside, start - SNAP, side="left")
-            end = np.searchsorted(inside, start + SLIDE_WINDOW + SNAP, side="right")
-            found[rows, column] = (summed[end] - summed[begin]) / (end - begin)
-    return found
 
 
 def _averaged(velocity: np.ndarray, place: np.ndarray) -> np.ndarray:

@@ -161,7 +161,9 @@ def _lean_text(played: Rollout) -> str:
     desired = played.desired_base_poses
     if desired is None:
         desired = played.base_poses[:1]
-    ups = [_ups(poses) for poses in (played.base_poses, desired)]
+    up = np.array([0.0, 0.0, 1.0])
+    # The world's upward axis in the frames of the bases.
+    ups = [rotate(conjugate(b[:, 3:]), up) for b in (played.base_poses, desired)]
     leans = np.arccos(np.clip((ups[0] * ups[1]).sum(axis=1), -1.0, 1.0))
     if not leans[-1] > TIPPED:  # it sinks
         return ""
@@ -177,11 +179,6 @@ def _lean_text(played: Rollout) -> str:
         f": it leans {where}, by more than {np.degrees(TIPPED):.0f} degrees from "
         f"{played.times[first]:.3f} s on"
     )
-
-
-def _ups(poses: np.ndarray) -> np.ndarray:
-    """Compute the world's upward axis in the frames of bases, shape (n, 3)."""
-    return rotate(conjugate(poses[:, 3:]), np.array([0.0, 0.0, 1.0]))
 
 
 def _rows(played: Rollout) -> np.ndarray:
