@@ -295,9 +295,9 @@ def test_ctrl_c_writes_what_is_done(folder, monkeypatch):
     write_motions(folder, *20 * [PASSES])
     words = [".", "--jobs", "2", "--model", "post.urdf"]
 
-    class Interrupted(check.Results):
-        def add(self, task, outcome):
-            super().add(task, outcome)
+    class Interrupted(check.Printer):
+        def add(self, number, text):
+            super().add(number, text)
             os.killpg(0, signal.SIGINT)
 
     def main():
@@ -307,7 +307,7 @@ def test_ctrl_c_writes_what_is_done(folder, monkeypatch):
         sys.argv[1:] = [*words, "--json", "out.json", "--csv", "out.csv"]
         start.run("check")
 
-    monkeypatch.setattr(check, "Results", Interrupted)
+    monkeypatch.setattr(check, "Printer", Interrupted)
     run = run_forked(main)
     assert run.returncode == 130, run.stderr
     first, *_, last = run.stdout.splitlines()

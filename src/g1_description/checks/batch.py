@@ -18,7 +18,6 @@ from concurrent.futures import (
     ProcessPoolExecutor,
     wait,
 )
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -189,10 +188,6 @@ class Here:
         """End all work at once."""
 
 
-START_METHOD = "spawn"
-"""Worker processes inherit neither PyBullet nor a locked lock."""
-
-
 class Processes(Here):
     """Processes that check files, each one at a time."""
 
@@ -205,13 +200,19 @@ class Processes(Here):
         self._pool = self._started()
 
     def _started(self) -> ProcessPoolExecutor:
-        context = multiprocessing.get_context(START_METHOD)
+        # Spawned processes inherit neither PyBullet nor a locked lock.
+        context = multiprocessing.get_context("spawn")
         return ProcessPoolExecutor(self._count, context, _prepare, (self._pickled,))
 
     def submit(self, task: Task) -> Future[FileResult]:
         """Begin to check a file; the first calls start the processes."""
-        with _signals_held():
+        # A terminal sends Ctrl-C to all processes. Those that are started while it is
+        # blocked never receive it: this one ends them.
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
             return self._pool.submit(_check_file, task.name, task.path)
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
     def restart(self) -> None:
         """Begin again after a process died."""
@@ -226,17 +227,10 @@ class Processes(Here):
         self._pool.shutdown()
 
 
-@contextmanager
-def _signals_held() -> Iterator[None]:
-    """Block Ctrl-C; processes that are started meanwhile never receive it.
-
-    A terminal sends it to all of them, and this one ends the others.
-    """
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+def pool_of(worker: FileWorker, jobs: int, n_files: int) -> Here:
+    """Choose where files are worked on: here, or in at most ``jobs`` processes."""
+    count = min(jobs, n_files)
+    return Processes(worker, count) if count > 1 else Here(worker)
 
 
 _checkers: list[bytes] = []

@@ -8,7 +8,7 @@ import json
 import math
 from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from g1_description.checks.rules import RULES
@@ -62,10 +62,6 @@ class FileResult:
             return self.verdict.severity
         return self.without_verdict
 
-    def without_plot(self) -> FileResult:
-        """Return a copy without the pictures."""
-        return replace(self, plot=b"", scene="")
-
 
 def counted(results: Iterable[str]) -> dict[str, int]:
     """Count results: numbers by all of ``RESULTS``."""
@@ -83,7 +79,10 @@ def outcome_text(outcome: FileResult) -> str:
     verdict = outcome.verdict
     if verdict is None:
         return f"{head}: {outcome.problem}"
-    lines = [f"{head}{_measures(verdict)}"]
+    figures = verdict.figures
+    if "duration" in figures:
+        head += f", {figures['duration']:.2f} s, {figures['samples']:.0f} samples"
+    lines = [head]
     if verdict.findings:
         lines += table([HEAD, *map(cause_row, verdict.causes)], 3)
     lines += [f"  excluded by {rule}" for rule in verdict.excluded_by]
@@ -96,25 +95,11 @@ def outcome_text(outcome: FileResult) -> str:
 def summary_text(outcomes: Sequence[FileResult], not_done: int) -> str:
     """Summarize the results, and the files that are not done."""
     counts = counted(outcome.result for outcome in outcomes)
-    parts = [f"{n} {_plural(word, n)}" for word, n in counts.items() if n]
+    words = {WARNING: "with a warning" if counts[WARNING] == 1 else "with warnings"}
+    parts = [f"{n} {words.get(word, word)}" for word, n in counts.items() if n]
     files = f"{len(outcomes)} file{'s' if len(outcomes) != 1 else ''}"
     rest = f"; interrupted, {not_done} not done" if not_done else ""
     return f"{files}: {', '.join(parts) or 'nothing done'}{rest}"
-
-
-def _plural(result: str, count: int) -> str:
-    """Return the word for files with a result."""
-    if result == WARNING:
-        return "with warnings" if count != 1 else "with a warning"
-    return result
-
-
-def _measures(verdict: Verdict) -> str:
-    """Describe the length of a motion."""
-    figures = verdict.figures
-    if "duration" not in figures:
-        return ""
-    return f", {figures['duration']:.2f} s, {figures['samples']:.0f} samples"
 
 
 def cause_row(findings: Collection[Finding]) -> tuple[str, ...]:
@@ -172,19 +157,18 @@ def json_text(outcomes: Sequence[FileResult], not_done: int) -> str:
         "interrupted": not_done > 0,
         "not_done": not_done,
         "counts": counted(outcome.result for outcome in outcomes),
-        "files": [_as_dict(outcome) for outcome in outcomes],
+        "files": [
+            {
+                "file": outcome.file,
+                "result": outcome.result,
+                **({"picture": outcome.picture} if outcome.picture else {}),
+                **(outcome.verdict.as_dict() if outcome.verdict else {}),
+                **({} if outcome.verdict else {"problem": outcome.problem}),
+            }
+            for outcome in outcomes
+        ],
     }
     return json.dumps(_finite(content), indent=1, allow_nan=False) + "\n"
-
-
-def _as_dict(outcome: FileResult) -> dict[str, Any]:
-    """Return an outcome for JSON."""
-    found: dict[str, Any] = {"file": outcome.file, "result": outcome.result}
-    if outcome.picture:
-        found["picture"] = outcome.picture
-    if outcome.verdict is None:
-        return {**found, "problem": outcome.problem}
-    return {**found, **outcome.verdict.as_dict()}
 
 
 def _finite(value: Any) -> Any:

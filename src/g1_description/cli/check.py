@@ -12,14 +12,13 @@ import sys
 import time
 from collections.abc import Collection
 from contextlib import closing, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TextIO
 
 from g1_description.api import Robot
 from g1_description.bounds import MAX_PORT
-from g1_description.checks.batch import FileChecker, Here, Processes, Task, check_files
+from g1_description.checks.batch import FileChecker, Here, check_files, pool_of
 from g1_description.checks.cluster import Cluster
 from g1_description.checks.report import (
     NO_MOTION,
@@ -239,37 +238,6 @@ class CheckOptions:
             raise InvalidValueError("--json and --csv cannot both write to stdout")
 
 
-class Results:
-    """Collects outcomes; prints each once all before it are printed."""
-
-    def __init__(self, n_files: int, stream: TextIO | None) -> None:
-        """Start the progress bar.
-
-        Args:
-            n_files: Number of files.
-            stream: Where tables are printed; None: nowhere.
-        """
-        self.outcomes: dict[int, FileResult] = {}
-        """By the number of the file."""
-        self._n_files = n_files
-        self._printer = Printer(n_files, stream)
-
-    def add(self, task: Task, outcome: FileResult) -> None:
-        """Add the outcome of a file."""
-        self.outcomes[task.number] = outcome.without_plot()
-        text = outcome_text(outcome) if self._printer.stream is not None else ""
-        self._printer.add(task.number, text)
-
-    def close(self) -> None:
-        """Print outcomes that waited for unfinished files."""
-        self._printer.close()
-
-    @property
-    def n_missing(self) -> int:
-        """Number of files that are not done."""
-        return self._n_files - len(self.outcomes)
-
-
 def notify(text: str) -> None:
     """Print a message."""
     say(f"check: {text}", sys.stderr)
@@ -298,29 +266,38 @@ def check(args: CheckOptions, checker: FileChecker | None = None) -> int:
     is_free = STDOUT not in (args.json, args.csv)
     stream = sys.stdout if is_free and not args.quiet else None
     code, is_interrupted = INTERRUPTED, False
-    with closing(Results(len(files.tasks), stream)) as results:
+    outcomes: dict[int, FileResult] = {}
+    with closing(Printer(len(files.tasks), stream)) as printer:
         try:
-            with closing(_pool(args, checker, len(files.tasks))) as pool:
+            if args.dask is not None:
+                pool: Here = Cluster(checker, args.dask)
+            else:
+                pool = pool_of(checker, args.jobs, len(files.tasks))
+            with closing(pool):
                 for task, outcome in check_files(pool, files.tasks):
                     reports.add(task, outcome)
-                    results.add(task, outcome)
+                    outcomes[task.number] = replace(outcome, plot=b"", scene="")
+                    printer.add(task.number, outcome_text(outcome) if stream else "")
         except (KeyboardInterrupt, ClusterError) as error:
-            if not results.outcomes:
+            if not outcomes:
                 raise
             if isinstance(error, ClusterError):
                 notify(str(error))
                 code = MISUSE
             is_interrupted = isinstance(error, KeyboardInterrupt)
     robot = checker.checker.description
-    reports.write(results.outcomes, results.n_missing, robot)
+    n_missing = len(files.tasks) - len(outcomes)
+    reports.write(outcomes, n_missing, robot)
     for problem in reports.problems:
         notify(problem)
-    _summarize(results, files, sys.stdout if is_free else sys.stderr)
+    done = [outcomes[number] for number in sorted(outcomes)]
+    text = f"{summary_text(done, n_missing)}{files.remarks}."
+    say(text, sys.stdout if is_free else sys.stderr)
     if is_interrupted and args.watch:
         raise KeyboardInterrupt
-    if results.n_missing:
+    if n_missing:
         return code
-    code = exit_code(results.outcomes.values(), files.named)
+    code = exit_code(done, files.named)
     return code or (MISUSE if reports.problems else 0)
 
 
@@ -412,21 +389,6 @@ def file_checker(args: CheckOptions) -> FileChecker:
         ),
         scene=partial(motion_data, description) if args.html else None,
     )
-
-
-def _pool(args: CheckOptions, checker: FileChecker, n_files: int) -> Here:
-    """Choose where files are checked."""
-    if args.dask is not None:
-        return Cluster(checker, args.dask)
-    n_processes = min(args.jobs, n_files)
-    return Here(checker) if n_processes == 1 else Processes(checker, n_processes)
-
-
-def _summarize(results: Results, files: MotionFiles, stream) -> None:
-    """Print the last line."""
-    outcomes = [results.outcomes[number] for number in sorted(results.outcomes)]
-    text = summary_text(outcomes, results.n_missing)
-    say(f"{text}{files.remarks}.", stream)
 
 
 def exit_code(outcomes: Collection[FileResult], named: Collection[str]) -> int:

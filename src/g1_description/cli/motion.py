@@ -21,11 +21,10 @@ from g1_description.bridge.recorded_file import WRITERS
 from g1_description.checks.batch import (
     Content,
     FileWorker,
-    Here,
-    Processes,
     Task,
     check_files,
     mishap,
+    pool_of,
 )
 from g1_description.checks.report import NO_MOTION, NOT_READ, FileResult
 from g1_description.cli.motion_edits import (
@@ -99,27 +98,25 @@ class MotionWorker(FileWorker):
     def outcome(self, name: str, content: Content) -> FileResult:
         """Describe or edit a motion; this writes nothing."""
         assert isinstance(content, Path)
+        args = self.args
         try:
-            return self._outcome(name, content)
+            source, motion = read(content, args, self.robot)
+            if not isinstance(args, Edit):
+                facts = {"file": name, **facts_of(motion)}
+                facts["format"] = args.format or format_name(source)
+                is_json = isinstance(args, Info) and args.json
+                text = json.dumps(facts) if is_json else description(facts, self.robot)
+                return Done(name, text=text)
+            place = self.places[name]
+            edited = args.edited(motion, self.robot)
+            if place != args.out and args.to is not None:
+                place = WRITERS[args.to].place(place, edited)
+            return written(name, edited, self.robot, place, args.to)
         except G1DescriptionError as error:
             result = NO_MOTION if isinstance(error, NoMotionError) else NOT_READ
             return FileResult(name, problem=str(error), without_verdict=result)
         except Exception as error:  # any error of a library on a damaged file
             return FileResult(name, problem=mishap(error))
-
-    def _outcome(self, name: str, path: Path) -> Done:
-        source, motion = read(path, self.args, self.robot)
-        if not isinstance(self.args, Edit):
-            facts = {"file": name, **facts_of(motion)}
-            facts["format"] = self.args.format or format_name(source)
-            if isinstance(self.args, Info) and self.args.json:
-                return Done(name, text=json.dumps(facts))
-            return Done(name, text=description(facts, self.robot))
-        edited = self.args.edited(motion, self.robot)
-        place = self.places[name]
-        if place != self.args.out and self.args.to is not None:
-            place = WRITERS[self.args.to].place(place, edited)
-        return written(name, edited, self.robot, place, self.args.to)
 
 
 def read(path: Path, args: Reading, robot: Description) -> tuple[MotionSource, Motion]:
@@ -239,7 +236,7 @@ def run(args: Reading) -> int:
     is_interrupted = False
     with closing(Printer(len(left), sys.stdout)) as printer:
         try:
-            with closing(_pool(args, worker, len(left))) as pool:
+            with closing(pool_of(worker, args.jobs, len(left))) as pool:
                 for task, outcome in check_files(pool, left):
                     with uninterrupted():  # a folder is written whole, and counted
                         printer.add(task.number, out.add(task, outcome, tasks))
@@ -344,12 +341,6 @@ class Output:
 
 def _exists(place: Path) -> str:
     return f"{place} exists; --force replaces it."
-
-
-def _pool(args: Reading, worker: MotionWorker, n_files: int) -> Here:
-    """Choose where motions are read."""
-    n_processes = min(args.jobs, n_files)
-    return Processes(worker, n_processes) if n_processes > 1 else Here(worker)
 
 
 def _summarize(
