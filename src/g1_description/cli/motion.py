@@ -36,7 +36,6 @@ from g1_description.cli.motion_edits import (
     Reading,
 )
 from g1_description.cli.motion_paths import MotionFiles, motion_files, unmatched
-from g1_description.cli.motion_places import is_merged, places_of
 from g1_description.cli.progress import Printer
 from g1_description.cli.start import INTERRUPTED
 from g1_description.command_line import OneSentenceParser, own_arguments, parse, say
@@ -226,10 +225,11 @@ def run(args: Reading) -> int:
     args.check(robot)
     if isinstance(args, Join):
         return join(args, tasks, robot)
-    places = places_of(args, tasks) if isinstance(args, Edit) else {}
-    out = Output(args, files.named)
+    places = args.places(tasks) if isinstance(args, Edit) else {}
+    is_merged = isinstance(args, Edit) and args.is_merged(tasks)
+    out = Output(args, files.named, is_merged)
     left = [task for task in tasks if not out.is_kept(places.get(task.name))]
-    if not left and (len(tasks) == 1 or out.is_merged(tasks)):
+    if not left and (len(tasks) == 1 or is_merged):
         raise InvalidValueError(_exists(places[tasks[0].name]))
     left = [replace(task, number=number) for number, task in enumerate(left)]
     worker = MotionWorker(args, robot, places)
@@ -239,7 +239,7 @@ def run(args: Reading) -> int:
             with closing(pool_of(worker, args.jobs, len(left))) as pool:
                 for task, outcome in check_files(pool, left):
                     with uninterrupted():  # a folder is written whole, and counted
-                        printer.add(task.number, out.add(task, outcome, tasks))
+                        printer.add(task.number, out.add(task, outcome))
         except KeyboardInterrupt:
             is_interrupted = True
     if out.parts and is_interrupted:
@@ -261,15 +261,17 @@ DONE, FAILED, OTHER, KEPT = "done", "failed", NO_MOTION, "kept"
 class Output:
     """Writes outcomes, and counts them."""
 
-    def __init__(self, args: Reading, named: Collection[str]) -> None:
+    def __init__(
+        self, args: Reading, named: Collection[str] = (), is_merged: bool = False
+    ) -> None:
         """Begin without outcomes.
 
         Args:
             args: Arguments of the command line.
             named: Motions that were given one by one, which must be motions.
+            is_merged: Whether all motions are written to one file.
         """
-        self._args = args
-        self._named = named
+        self._args, self._named, self._is_merged = args, named, is_merged
         self._made: set[Path] = set()
         self.counts: Counter[str] = Counter()
         self.parts: dict[str, bytes] = {}
@@ -282,16 +284,12 @@ class Output:
         is_free = not isinstance(self._args, Edit) or self._args.force
         return not is_free and place is not None and place.exists()
 
-    def is_merged(self, tasks: Sequence[Task]) -> bool:
-        """Return whether all motions are written to one file."""
-        return isinstance(self._args, Edit) and is_merged(self._args, tasks)
-
-    def add(self, task: Task, outcome: FileResult, tasks: Sequence[Task]) -> str:
+    def add(self, task: Task, outcome: FileResult) -> str:
         """Write an outcome; return the text to print."""
         problem = outcome.problem
         if isinstance(outcome, Done) and not problem:
             try:
-                return self._write(outcome, self.is_merged(tasks))
+                return self._write(outcome)
             except InvalidValueError as error:
                 problem = str(error)
         is_other = outcome.result == NO_MOTION and task.name not in self._named
@@ -303,9 +301,9 @@ class Output:
             return json.dumps({"file": task.name, "problem": problem})
         return f"{task.name}: {problem}"
 
-    def _write(self, done: Done, is_merged: bool) -> str:
+    def _write(self, done: Done) -> str:
         """Write a motion; return the text to print."""
-        if is_merged:
+        if self._is_merged:
             name = done.motion
             if name in self.parts:
                 name = str(Path(done.file).with_suffix("")).replace("#", "/")
@@ -320,7 +318,7 @@ class Output:
         else:
             for path, content in done.files.items():
                 write_whole(path, content)
-        self._made |= {done.place} if done.place and not is_merged else set()
+        self._made |= {done.place} if done.place and not self._is_merged else set()
         self.counts[DONE] += 1
         self.smaller += [done.file] if done.is_smaller else []
         return done.text
@@ -375,13 +373,13 @@ def join(args: Join, tasks: Sequence[Task], robot: Description) -> int:
     if len(tasks) < 2:
         raise InvalidValueError("join needs at least two motions.")
     whole = replace(tasks[0], path=args.files[0])
-    place = places_of(replace(args, files=[whole.path]), [whole])[whole.name]
-    out = Output(args, ())
+    place = replace(args, files=[whole.path]).places([whole])[whole.name]
+    out = Output(args)
     if out.is_kept(place):
         raise InvalidValueError(_exists(place))
     motion = args.joined([read(task.path, args, robot)[1] for task in tasks])
     done = written(f"{len(tasks)} motions", motion, robot, place, args.to)
-    say(out.add(whole, done, [whole]))
+    say(out.add(whole, done))
     return 1 if out.counts[FAILED] else 0
 
 

@@ -1,22 +1,21 @@
-"""Edits of motions by the subcommands of ``motion``, and their options."""
+"""Edits of motions by the subcommands of ``motion``: their options and their places."""
 
 from __future__ import annotations
 
 import argparse
+import os
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
 from g1_description.bridge.recorded_file import WRITERS
+from g1_description.checks.batch import Task
 from g1_description.cli import options
 from g1_description.command_line import MAX_FPS, option, positive, within
 from g1_description.errors import InvalidValueError, UnknownNameError
-from g1_description.motion.edit import (
-    highest_speed,
-    joined,
-    mirrored,
-)
+from g1_description.motion.edit import highest_speed, joined, mirrored
 from g1_description.motion.files.conventions import (
     ASAP_JOINTS,
     G1_JOINTS,
@@ -24,7 +23,9 @@ from g1_description.motion.files.conventions import (
     JOINT_ORDERS,
     breadth_first,
 )
+from g1_description.motion.files.formats import writer_of
 from g1_description.motion.motion import Motion, fitted
+from g1_description.motion.paths import as_file, split
 from g1_description.robot.description import Description
 from g1_description.robot.poses import check_pose, find_pose, pose_positions, read_poses
 from g1_description.sim.padding import padded
@@ -112,6 +113,83 @@ class Edit(Reading):
             G1DescriptionError: If it cannot be done.
         """
         return motion
+
+    def is_merged(self, tasks: Sequence[Task]) -> bool:
+        """Return whether all motions are written to one file."""
+        is_whole = len(tasks) == 1 and tasks[0].path in self.files
+        writer = None if self.to is None else WRITERS[self.to]
+        if writer is None or writer.merged is None or is_whole or self.out.is_dir():
+            return False
+        return self.out.suffix.lower() == writer.ending
+
+    def places(self, tasks: Sequence[Task]) -> dict[str, Path]:
+        """Choose where motions are written.
+
+        Returns:
+            Files or folders by the names of the tasks.
+
+        Raises:
+            InvalidValueError: If ``--out`` is neither a file for one motion nor a
+                folder.
+            MotionError: If the format is unknown.
+        """
+        out = self.out
+        endings = {writer.ending for writer in WRITERS.values()} - {""}
+        is_named = out.suffix.lower() in endings
+        is_single = len(tasks) == 1 and tasks[0].path in self.files
+        is_folder = self.to is not None and not WRITERS[self.to].ending
+        if not out.is_dir() and (is_named or (is_folder and is_single)):
+            if len(tasks) > 1 and not self.is_merged(tasks):
+                raise InvalidValueError(
+                    f"--out must be a folder for {len(tasks)} motions (got {out})."
+                )
+            if self.to is not None and WRITERS[self.to].ending != out.suffix.lower():
+                raise InvalidValueError(
+                    f"{self.to} files end in {WRITERS[self.to].ending or 'nothing'} "
+                    f"(got {out})."
+                )
+            return {task.name: out for task in tasks}
+        if self.to is None and not out.is_dir() and out.suffix:
+            writer_of(out, None, WRITERS)  # says which endings there are
+        if self.to is None:
+            raise InvalidValueError(
+                f"--out {out} is a folder, so --to must name the format: "
+                f"{', '.join(WRITERS)}."
+            )
+        real = Path(os.path.realpath(out))
+        for path in self.files:
+            if path.is_dir() and Path(os.path.realpath(path)) in (real, *real.parents):
+                raise InvalidValueError(
+                    f"--out {out} must not be in {path}, a folder read."
+                )
+        return _in_folder(out, tasks, WRITERS[self.to].ending)
+
+
+def _in_folder(out: Path, tasks: Sequence[Task], ending: str) -> dict[str, Path]:
+    """Name a file for each motion, as the files lie in their common folder."""
+    sources = [(task, *split(task.path)) for task in tasks]
+    absolute = [Path(os.path.abspath(file)) for _, file, _ in sources]
+    common = os.path.commonpath([path.parent for path in absolute])
+    relative = [path.relative_to(common) for path in absolute]
+    short = {  # a folder has no extension
+        file: file if path.is_dir() else file.with_suffix("")
+        for file, path in zip(relative, absolute)
+    }
+    stems = Counter(short.values())
+    places = {}
+    for (task, _, name), file in zip(sources, relative):
+        # Two files may differ in their extensions only.
+        stem = file if stems[short[file]] > 1 else short[file]
+        if name:
+            stem = stem / as_file(name)
+        places[task.name] = out / stem.with_name(stem.name + ending)
+    twice = [str(place) for place, n in Counter(places.values()).items() if n > 1]
+    if twice:
+        raise InvalidValueError(
+            f"Several motions would be written to {listed(twice)}; convert them one by "
+            "one."
+        )
+    return places
 
 
 @dataclass(frozen=True)
@@ -280,7 +358,8 @@ class Pad(Edit):
 
     def _poses(self, robot: Description) -> list[dict[str, float] | None]:
         """Return the positions by joint of both poses."""
-        known, found = read_poses(robot), []
+        known = read_poses(robot)
+        found: list[dict[str, float] | None] = []
         joints = [joint.name for joint in robot.movable_joints]
         for name in (self.begin, self.end):
             if name is None:
