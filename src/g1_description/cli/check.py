@@ -36,12 +36,10 @@ from g1_description.cli.check_reports import (
     ReportPlaces,
     Reports,
     check_place,
-    write_text,
-)
-from g1_description.cli.compare import (
     comparisons,
     comparisons_json,
     print_comparisons,
+    write_text,
 )
 from g1_description.cli.motion_paths import (
     MotionFiles,
