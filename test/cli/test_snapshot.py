@@ -280,24 +280,24 @@ def test_a_film_goes_on_after_a_reset_and_waits_as_long_as_the_clock_advances(
     monkeypatch,
 ):
     """Each reading of the clock takes as long as it may stand still."""
-    clock = iter([5.0, 5.0, 9.0, 9.5, 1.0, 2.0, 3.5, 3.5, 8.0])
-    now = [next(clock)]
+    now = []
 
     def wait(changed, timeout):
-        now[0] = next(clock)
+        now.pop(0)
         return changed()
 
     monkeypatch.setattr(film, "wait_until", wait)
     monkeypatch.setattr(film.rospy, "get_time", lambda: now[0])
-    stopwatch = film._Stopwatch()
+    now[:] = [5.0, 5.0]
     with pytest.raises(NoAnswerError, match=r"did not advance for 10 s \(it is at 5 s"):
-        stopwatch.wait(1.0)
-    stopwatch.wait(4.0)
-    assert now[0] == 9.0
-    stopwatch.wait(7.0)
-    assert now[0] == 3.5
+        film.record([], 7.0, 1.0 / 3.5)
+    clock = [5.0, 9.0, 9.5, 1.0, 2.0, 3.5]
+    now[:] = clock
+    assert len(film.record([], 10.5, 1.0 / 3.5)) == 3  # at 0, 3.5 and 7 s
+    assert now == [3.5]
+    now[:] = [*clock, 3.5]
     with pytest.raises(NoAnswerError, match=r"it is at 3.5 s\); is time paused\?"):
-        stopwatch.wait(7.1)
+        film.record([], 14.0, 1.0 / 3.5)
 
 
 def test_a_film_is_not_longer_than_there_is_room_for():

@@ -94,19 +94,16 @@ def in_colors(picture: np.ndarray, palette: Image.Image) -> Image.Image:
     """
     packed = picture.astype(np.uint32) @ np.array([1 << 16, 1 << 8, 1], np.uint32)
     codes, places = np.unique(packed, return_inverse=True)
-    blocks = np.array_split(codes, len(codes) // BLOCK + 1)
-    nearest = np.concatenate([_nearest(block, palette) for block in blocks])
-    image = Image.fromarray(nearest[places].reshape(picture.shape[:2]), "P")
+    known = np.array(palette.getpalette()[: 3 * COLORS], dtype=int).reshape(-1, 3)
+    nearest = []
+    for block in np.array_split(codes, len(codes) // BLOCK + 1):
+        colors = block[:, np.newaxis].astype(int) >> [16, 8, 0] & 255
+        squares = ((colors[:, np.newaxis] - known) ** 2).sum(axis=-1)
+        nearest.append(squares.argmin(axis=1).astype(np.uint8))
+    indices = np.concatenate(nearest)[places].reshape(picture.shape[:2])
+    image = Image.fromarray(indices, "P")
     image.putpalette(palette.getpalette())
     return image
-
-
-def _nearest(codes: np.ndarray, palette: Image.Image) -> np.ndarray:
-    """Find colours, packed into integers, in a palette: indices, shape (n,)."""
-    known = np.array(palette.getpalette()[: 3 * COLORS], dtype=int).reshape(-1, 3)
-    colors = codes[:, np.newaxis].astype(int) >> [16, 8, 0] & 255
-    squares = ((colors[:, np.newaxis] - known) ** 2).sum(axis=-1)
-    return squares.argmin(axis=1).astype(np.uint8)
 
 
 def write_film(path: Path, images: Sequence[Image.Image], rate: float) -> None:
@@ -194,7 +191,7 @@ def motion_of(robot: Description, placed: PlacedRobot) -> Motion:
 def record(
     views: Sequence[RobotView], seconds: float, fps: float
 ) -> list[list[PlacedRobot]]:
-    """Sample the states of robots.
+    """Sample the states of robots; a reset does not set the elapsed time back.
 
     Args:
         views: The robots.
@@ -208,9 +205,20 @@ def record(
         NoAnswerError: If the clock does not advance.
         ROSInterruptException: If the node is shut down.
     """
-    clock, found = _Stopwatch(), []
+    last, passed, found = rospy.get_time(), 0.0, []
+
+    def has_advanced() -> bool:
+        return rospy.get_time() != last
+
     for n in range(count(seconds, fps)):
-        clock.wait(n / fps)
+        while passed < n / fps:
+            if not wait_until(has_advanced, CLOCK_TIMEOUT):
+                raise NoAnswerError(
+                    f"The clock did not advance for {CLOCK_TIMEOUT:g} s (it is at "
+                    f"{last:g} s); is time paused?"
+                )
+            before, last = last, rospy.get_time()
+            passed += max(0.0, last - before)
         found.append(now(views))
     return found
 
@@ -224,33 +232,10 @@ def now(views: Sequence[RobotView]) -> list[PlacedRobot]:
     ]
 
 
-class _Stopwatch:
-    """Elapsed time on ROS' clock, which a reset does not set back."""
-
-    def __init__(self) -> None:
-        self._last = rospy.get_time()
-        self._passed = 0.0
-
-    def wait(self, time: float) -> None:
-        """Wait until a time, in [s].
-
-        Raises:
-            NoAnswerError: If the clock does not advance.
-            ROSInterruptException: If the node is shut down.
-        """
-        while self._passed < time:
-            if not wait_until(lambda: rospy.get_time() != self._last, CLOCK_TIMEOUT):
-                raise NoAnswerError(
-                    f"The clock did not advance for {CLOCK_TIMEOUT:g} s (it is at "
-                    f"{self._last:g} s); is time paused?"
-                )
-            now = rospy.get_time()
-            self._passed += max(0.0, now - self._last)
-            self._last = now
-
-
 def drawn(n: int, picture: Callable[[int], np.ndarray]) -> Iterator[np.ndarray]:
     """Draw all pictures of an animation, and show the progress.
+
+    On a terminal after each picture, elsewhere after 25.
 
     Args:
         n: Number of pictures.
@@ -263,7 +248,11 @@ def drawn(n: int, picture: Callable[[int], np.ndarray]) -> Iterator[np.ndarray]:
         if rospy.is_shutdown():
             raise KeyboardInterrupt
         yield picture(k)
-        _show_progress(k + 1, n)
+        done, is_terminal = k + 1, sys.stderr.isatty()
+        if is_terminal or done == n or done % 25 == 0:
+            begin, end = ("\r", "" if done < n else "\n") if is_terminal else ("", "\n")
+            text = f"{begin}frame {done} of {n}"
+            print(text, end=end, file=sys.stderr, flush=True)
 
 
 def film(n: int, picture: Callable[[int], np.ndarray]) -> list[Image.Image]:
@@ -278,16 +267,6 @@ def film(n: int, picture: Callable[[int], np.ndarray]) -> list[Image.Image]:
     """
     palette = palette_of([picture(k) for k in {0, n // 2, n - 1}])
     return [in_colors(pixels, palette) for pixels in drawn(n, picture)]
-
-
-def _show_progress(done: int, n: int) -> None:
-    """Show the progress: continuously on a terminal, every 25 pictures elsewhere."""
-    is_last = done == n
-    if sys.stderr.isatty():
-        end = "\n" if is_last else ""
-        print(f"\rframe {done} of {n}", end=end, file=sys.stderr, flush=True)
-    elif is_last or done % 25 == 0:
-        print(f"frame {done} of {n}", file=sys.stderr, flush=True)
 
 
 def write_video(

@@ -238,13 +238,6 @@ def check_joints(requested: dict[str, float], description: Description) -> None:
         check_limits("--joints", joints[name], position)
 
 
-def load(scene: Scene, description: Description) -> None:
-    """Add a robot to a scene, and report missing meshes."""
-    _, left_out = scene.add(description)
-    if left_out:
-        notify(f"ignored in '{description.name}': {'; '.join(left_out)}.")
-
-
 def frame(
     scene: Scene,
     moments: Sequence[Sequence[PlacedRobot]],
@@ -303,7 +296,9 @@ def draw_all(
     """
     with Scene() as scene:
         for robot in robots:
-            load(scene, robot)
+            _, left_out = scene.add(robot)
+            if left_out:
+                notify(f"ignored in '{robot.name}': {'; '.join(left_out)}.")
         camera, floor = frame(scene, moments, args.view, args.size)
 
         def picture(n: int) -> np.ndarray:
@@ -320,15 +315,6 @@ def draw_all(
                 raise KeyboardInterrupt
             write_picture(args.out, pixels)
     print(f"{args.out}: {'x'.join(map(str, args.size))}, {args.view}")
-
-
-def draw_now(args: SnapshotOptions) -> None:
-    """Draw the running robots.
-
-    Raises:
-        NoAnswerError: If there is no master, or no states of a robot.
-    """
-    draw_all(*watch_now(args), args)
 
 
 def draw_file(args: SnapshotOptions) -> None:
@@ -352,7 +338,7 @@ def write_page(args: SnapshotOptions) -> None:
     """Write a page in three dimensions, of files or of a running robot.
 
     Raises:
-        G1DescriptionError: As for ``draw_file`` and ``draw_now``.
+        G1DescriptionError: As for ``draw_file`` and ``watch_now``.
     """
     if args.model or args.motion:
         robot, motion = read_files(args)
@@ -435,7 +421,13 @@ def watch_now(
         views = [RobotView(name.strip("/"), notify) for name in namespaces]
         for view in views:
             wait_for(view)
-            report_unknown(view)
+            name, lost = view.description.name, ", ".join(view.missing)
+            if lost:
+                notify(f"unknown positions of '{name}', drawn at 0: {lost}.")
+            if not has_base(view):
+                notify(
+                    f"{view.no_base}: '{name}' is drawn with its root at the origin."
+                )
         films = args.is_film
         moments = record(views, args.seconds, args.fps) if films else [now(views)]
         for view in views:  # drawing needs the processor
@@ -469,21 +461,16 @@ def has_base(view: RobotView) -> bool:
     return state is not None and state.base_pose is not None
 
 
-def report_unknown(view: RobotView) -> None:
-    """Report joints and poses that are unknown."""
-    name = view.description.name
-    if view.missing:
-        notify(f"unknown positions of '{name}', drawn at 0: {', '.join(view.missing)}.")
-    if not has_base(view):
-        notify(f"{view.no_base}: '{name}' is drawn with its root at the origin.")
-
-
 def main() -> None:
     """Run the command, or exit with a message."""
     try:
         args = parse(SnapshotOptions, "snapshot", own_arguments())
-        draw_one = draw_file if args.model or args.motion else draw_now
-        (write_page if args.is_page else draw_one)(args)
+        if args.is_page:
+            write_page(args)
+        elif args.model or args.motion:
+            draw_file(args)
+        else:
+            draw_all(*watch_now(args), args)
     except G1DescriptionError as error:
         sys.exit(f"snapshot: {error}")
     except OSError as error:
