@@ -119,7 +119,12 @@ class Robot:
         Raises:
             DescriptionError: If the file cannot be read, or is not a robot.
         """
-        found = model if isinstance(model, Description) else _described(fspath(model))
+        if isinstance(model, Description):
+            found = model
+        elif fspath(model).lstrip().startswith("<"):
+            found = parse_urdf(fspath(model))
+        else:
+            found = read_description(fspath(model))
         self.profile = found.profile
         """Names of its feet, hands and head, and its further files."""
         if motors is not None:
@@ -791,10 +796,8 @@ class Robot:
                 engine=engine,
                 fixed_base=fixed_base,
             )
-        if visual_hulls:
-            shapes = self._usual_checker.collisions
-        else:
-            shapes = self._shapes(visual_hulls)
+        usual = self._usual_checker if visual_hulls else None
+        shapes = usual.collisions if usual else self._shapes(visual_hulls=False)
         limits = _thresholds(thresholds)
         return Checker(self.description, limits, fixed_base, shapes, conditions)
 
@@ -845,9 +848,18 @@ class Robot:
     @cached_property
     def _ranges(self) -> tuple[np.ndarray, np.ndarray]:
         """Ranges of random positions, shapes (n_joints,)."""
-        rows = [_range(joint) for joint in self.description.movable_joints]
-        lower, upper = np.array(rows).reshape(-1, 2).T
-        return lower, upper
+        lower, upper = self.lower, self.upper
+        has_lower, has_upper = np.isfinite(lower), np.isfinite(upper)
+        for row, joint in enumerate(self.description.movable_joints):
+            if joint.kind == "prismatic" and not (has_lower & has_upper)[row]:
+                raise InvalidValueError(
+                    f"{joint.name} needs finite limits for random positions (got "
+                    f"{joint.lower:g} to {joint.upper:g})."
+                )
+        turn = 2.0 * np.pi
+        begin = np.where(has_upper, upper - turn, -np.pi)
+        end = np.where(has_lower, lower + turn, np.pi)
+        return np.where(has_lower, lower, begin), np.where(has_upper, upper, end)
 
     @cached_property
     def _kinematics(self) -> Kinematics:
@@ -869,7 +881,14 @@ class Robot:
         roots = IDENTITY if base is None else as_poses(base)
         if self.base_link != self.description.root:
             roots = compose(roots, self._root_in_base)
-        lead = _common(roots.shape[:-1], placed.shape[:-1])
+        first, second = roots.shape[:-1], placed.shape[:-1]
+        try:
+            arrays = np.broadcast_to(0, first), np.broadcast_to(0, second)
+            lead = np.broadcast(*arrays).shape
+        except ValueError as error:
+            raise InvalidValueError(
+                f"The leading axes {first} and {second} do not match."
+            ) from error
         return (
             np.broadcast_to(roots, (*lead, 7)),
             np.broadcast_to(placed, (*lead, len(self.joint_names))),
@@ -902,33 +921,6 @@ def _messages() -> Any:
     return motion_messages
 
 
-def _described(model: str) -> Description:
-    """Read a robot from the text of a URDF, or by a name.
-
-    Raises:
-        DescriptionError: If the file cannot be read, or is not a robot.
-    """
-    is_text = model.lstrip().startswith("<")
-    return parse_urdf(model) if is_text else read_description(model)
-
-
-def _range(joint: Joint) -> tuple[float, float]:
-    """Return the range of random positions of a joint."""
-    lower, upper = joint.lower, joint.upper
-    if np.isfinite(lower) and np.isfinite(upper):
-        return lower, upper
-    if joint.kind == "prismatic":
-        raise InvalidValueError(
-            f"{joint.name} needs finite limits for random positions (got {lower:g} to "
-            f"{upper:g})."
-        )
-    if np.isfinite(lower):
-        return lower, lower + 2.0 * np.pi
-    if np.isfinite(upper):
-        return upper - 2.0 * np.pi, upper
-    return -np.pi, np.pi
-
-
 def _row(kind: str, name: str, names: Sequence[str]) -> int:
     """Return the index of a name."""
     if name not in names:
@@ -946,16 +938,6 @@ def _frozen(array: np.ndarray) -> np.ndarray:
     """Make an array read-only."""
     array.setflags(write=False)
     return array
-
-
-def _common(first: tuple[int, ...], second: tuple[int, ...]) -> tuple[int, ...]:
-    """Broadcast leading axes."""
-    try:
-        return np.broadcast(np.broadcast_to(0, first), np.broadcast_to(0, second)).shape
-    except ValueError as error:
-        raise InvalidValueError(
-            f"The leading axes {first} and {second} do not match."
-        ) from error
 
 
 def _names(only: Collection[str]) -> Collection[str]:

@@ -79,7 +79,9 @@ class Stream:
                 f"Nothing subscribes to {self._publisher.resolved_name} within "
                 f"{timeout:g} s; is display.launch running?"
             )
-        self._wait_for_time()
+        begin = rospy.Time.now()  # 0 before the first message on /clock
+        if not wait_until(lambda: rospy.Time.now() > begin, timeout):
+            raise _standing_still(begin)
         self._period = rospy.Duration.from_sec(1.0 / rate)
         self._next = rospy.Time.now()
 
@@ -144,16 +146,6 @@ class Stream:
         is_late = not self._next - self._period < now < self._next + self._period
         self._next = (now if is_late else self._next) + self._period
         return now
-
-    def _wait_for_time(self) -> None:
-        """Wait until time runs: before the first message on /clock it is 0.
-
-        Raises:
-            NoAnswerError: If it does not.
-        """
-        begin = rospy.Time.now()
-        if not wait_until(lambda: rospy.Time.now() > begin, self._timeout):
-            raise _standing_still(begin)
 
 
 def _standing_still(now: rospy.Time) -> NoAnswerError:
