@@ -35,8 +35,6 @@ from g1_description.robot.description import Description
 
 STDOUT = "-"
 
-PICTURE = ".png"
-
 OTHER_PICTURES = (".jpg", ".jpeg", ".gif", ".svg", ".pdf")
 
 
@@ -191,7 +189,7 @@ def _pictures(out: Path | None, tasks: Sequence[Task]) -> dict[int, Path]:
     """Return the paths of pictures by number of the file."""
     if out is None:
         return {}
-    if out.suffix.lower() == PICTURE and not out.is_dir():
+    if out.suffix.lower() == ".png" and not out.is_dir():
         if len(tasks) > 1:
             raise InvalidValueError(
                 f"--plot must be a folder for {len(tasks)} files (got {out})."
@@ -280,7 +278,7 @@ def comparisons(
 
 
 class Pairs:
-    """Pairs by their paths and names."""
+    """References by their paths and names."""
 
     def __init__(self, against: Path) -> None:
         """Find the references.

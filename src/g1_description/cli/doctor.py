@@ -15,6 +15,7 @@ import os
 import socket
 import sys
 import time
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -201,12 +202,18 @@ def check_address(system: RunningSystem) -> Fault | str:
 
 def check_nodes(system: RunningSystem) -> Fault | str:
     """Ask all nodes for their processes."""
-    nodes = system.read_graph()
+    tables = [
+        defaultdict(list, dict(table)) for table in query(system.uri, "getSystemState")
+    ]
+    system.publishers, system.subscribers, system.services = tables
+    nodes = sorted({n for table in tables for ns in table.values() for n in ns})
     with ThreadPoolExecutor(16) as pool:
         faults = list(pool.map(lambda node: _query_node(system, node), nodes))
     for fault in filter(None, faults):
         return fault
-    system.leave_out_silent()
+    for table in tables:  # without the nodes that do not answer
+        for name, owners in table.items():
+            table[name] = [node for node in owners if node in system.pids]
     silent = listed(node for node in nodes if node not in system.pids)
     return f"{len(system.pids)} answer" + (
         f"; no answer from {silent}" if silent else ""

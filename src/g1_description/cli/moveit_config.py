@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
@@ -107,12 +107,12 @@ def groups_of(robot: Robot) -> tuple[Group, ...]:
     description = robot.description
     roles = {link: role for role, link in description.profile.links.items()}
     limbs, carriers = limbs_of(description), {j.child: j for j in description.joints}
-    ends = {
-        limb: next((n for n in links if roles.get(n) in LIMBS), links[-1])
-        for limb, links in _links_by_limb(limbs).items()
-    }
+    by_limb: dict[str, list[str]] = {}
+    for link, limb in limbs.items():
+        by_limb.setdefault(limb, []).append(link)
     found = []
-    for end in ends.values():
+    for links in by_limb.values():
+        end = next((n for n in links if roles.get(n) in LIMBS), links[-1])
         way = _way(end, limbs, carriers)
         moving = [joint for joint in way if joint.kind != "fixed"]
         if not moving:
@@ -130,14 +130,6 @@ def groups_of(robot: Robot) -> tuple[Group, ...]:
             )
         )
     return tuple(found)
-
-
-def _links_by_limb(limbs: Mapping[str, str]) -> dict[str, list[str]]:
-    """List the links of each limb."""
-    found: dict[str, list[str]] = {}
-    for link, limb in limbs.items():
-        found.setdefault(limb, []).append(link)
-    return found
 
 
 def _way(
@@ -179,21 +171,17 @@ def srdf(robot: Robot, groups: Sequence[Group]) -> bytes:
             add("group_state", [("joint", v) for v in values], name=pose, group=name)
     place = {"parent_frame": "map", "child_link": robot.description.root}
     add("virtual_joint", name="map_joint", type="floating", **place)
-    for link_a, link_b, reason in disabled_pairs(robot):
-        add("disable_collisions", link1=link_a, link2=link_b, reason=reason)
-    return etree.tostring(
-        root, pretty_print=True, xml_declaration=True, encoding="utf-8"
-    )
-
-
-def disabled_pairs(robot: Robot) -> Iterator[tuple[str, str, str]]:
-    """Yield the pairs of links that are not checked, with MoveIt's reasons."""
     collisions = robot.checker().collisions
     checked = {frozenset(pair) for pair in collisions.pairs}
     reasons = {pair.links: pair.reason for pair in collisions.allowed}
-    for pair in combinations(collisions.links, 2):
-        if frozenset(pair) not in checked:
-            yield (*pair, reasons.get(frozenset(pair), ADJACENT).capitalize())
+    for link_a, link_b in combinations(collisions.links, 2):
+        pair = frozenset((link_a, link_b))
+        if pair not in checked:
+            why = reasons.get(pair, ADJACENT).capitalize()
+            add("disable_collisions", link1=link_a, link2=link_b, reason=why)
+    return etree.tostring(
+        root, pretty_print=True, xml_declaration=True, encoding="utf-8"
+    )
 
 
 def controllers(key: str, groups: Sequence[Group], *settings: str) -> str:

@@ -101,17 +101,13 @@ def fps() -> Any:
     return option(about, None, positive(MAX_FPS), shown=shown)
 
 
-ORDERS = ("xyzw", "wxyz")
-"""Orders of the elements of a quaternion."""
-
-
 def order() -> Any:
     """Declare the order of quaternions in files."""
     return option(
         "order of the base's quaternions in the file",
         None,
         str,
-        choices=ORDERS,
+        choices=("xyzw", "wxyz"),
         shown="that of the format, or by the feet of the standing robot",
         see="[what a file does not say](motion_formats.md#what-a-file-does-not-say)",
     )

@@ -92,17 +92,12 @@ class Keyboard:
         if not select.select(descriptors, [], [], timeout)[0]:
             self._pending = b""  # incomplete: the rest would have arrived by now
             return ""
-        sent = self._read()
+        try:
+            sent = os.read(descriptors[0], 1024)
+        except OSError:  # the terminal is gone
+            sent = b""
         self._pending += sent
         return self._take() if sent else END
-
-    def _read(self) -> bytes:
-        """Read the available bytes; empty if the terminal is gone."""
-        assert self._descriptor is not None
-        try:
-            return os.read(self._descriptor, 1024)
-        except OSError:
-            return b""
 
     def _take(self) -> str:
         """Remove the first supported key from the bytes; return its name or nothing."""
@@ -149,7 +144,6 @@ REFRESH_PERIOD = 0.05
 """Period of updates of the progress, in [s]."""
 
 MAX_SPEED = 1e3
-MAX_LEAD_IN = 60.0
 
 TOLERANCE = 0.1
 """Largest distance of a joint from the end of its motion, in [rad] or [m]: motors have
@@ -198,7 +192,7 @@ class PlayOptions:
     lead_in: float = option(
         "time in which the robot moves to the first sample [s]; 0: at once",
         0.0,
-        within(0.0, MAX_LEAD_IN),
+        within(0.0, 60.0),
         metavar="SECONDS",
     )
     start_here: bool = option(

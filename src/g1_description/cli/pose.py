@@ -25,7 +25,6 @@ from g1_description.command_line import (
 )
 from g1_description.errors import G1DescriptionError, InvalidValueError, PoseFileError
 from g1_description.motion.edit import minimum_jerk_trajectory
-from g1_description.robot.description import Description
 from g1_description.robot.load import read_description
 from g1_description.robot.poses import (
     ZERO,
@@ -50,9 +49,6 @@ from g1_description.text import listed
 TIMEOUT = 30.0
 """Longest wait for the bridge and its effect, in [s]: machines may be busy."""
 
-QUEUE_SIZE = 10
-"""Queue size of commands."""
-
 RESEND_PERIOD = 1.0
 """Period with which a goal is sent, in [s]."""
 
@@ -69,7 +65,7 @@ class PosedRobot(RobotView):
         self._commands = rospy.Publisher(
             f"{self._prefix}joint_commands",
             JointState,
-            queue_size=QUEUE_SIZE,
+            queue_size=10,
             tcp_nodelay=True,
         )
         # Before the shutdown, while services can be called: else the robot continues.
@@ -205,8 +201,6 @@ class PosedRobot(RobotView):
 
 USER_FILE = "~/.ros/g1_description/poses.yaml"
 
-MAX_SECONDS = 3600.0
-
 DIGITS = 6
 """Decimals of saved positions."""
 
@@ -225,7 +219,7 @@ class PoseOptions:
     seconds: float = option(
         "duration of a smooth motion in simulated time [s]; 0: set the joints at once",
         0.0,
-        within(0.0, MAX_SECONDS),
+        within(0.0, 3600.0),
     )
     anchor: str | None = options.anchor()
     namespace: str = options.namespace()
@@ -264,7 +258,12 @@ def list_poses(args: PoseOptions) -> None:
     Raises:
         G1DescriptionError: If the robot or a file of poses cannot be read.
     """
-    robot = _listed_robot(args)
+    robot = None
+    if args.model is None:
+        with suppress(OSError, rosgraph.MasterException):
+            parameter = find_parameter(DESCRIPTION, args.namespace)
+            robot = read_robot(parameter) if parameter else None
+    robot = robot or read_description(args.model or DEFAULT)
     known = read_poses(robot, args.file).values()
     poses = [pose for pose in known if fits(pose, robot)]
     width = max(len(pose.name) for pose in poses)
@@ -273,16 +272,6 @@ def list_poses(args: PoseOptions) -> None:
     others = [pose.name for pose in known if pose not in poses]
     if others:
         say(f"pose: not of {robot.name}: {listed(others)}", sys.stderr)
-
-
-def _listed_robot(args: PoseOptions) -> Description:
-    """Read the robot of --model, the running one, or the default one."""
-    if args.model is None:
-        with suppress(OSError, rosgraph.MasterException):
-            parameter = find_parameter(DESCRIPTION, args.namespace)
-            if parameter:
-                return read_robot(parameter)
-    return read_description(args.model or DEFAULT)
 
 
 def go(args: PoseOptions) -> None:

@@ -88,7 +88,7 @@ class Recorder:
         self._last = state.stamp
         if state.stamp < self._due - EARLY:
             return
-        if self.states and not _are_alike(state, self.states[0]):
+        if self.states and _parts(state) != _parts(self.states[0]):
             self._ignored += 1
         elif self._is_full(state.stamp):
             self.end("the file is full")
@@ -141,13 +141,9 @@ class Recorder:
         ), begin
 
 
-def _are_alike(state: RobotState, first: RobotState) -> bool:
-    """Return whether a state has the same joints and parts as the first one."""
-    return (state.names, state.base_pose is None, state.velocities is None) == (
-        first.names,
-        first.base_pose is None,
-        first.velocities is None,
-    )
+def _parts(state: RobotState) -> tuple[object, ...]:
+    """Return the joints of a state, and what it lacks."""
+    return state.names, state.base_pose is None, state.velocities is None
 
 
 class BridgeStates:

@@ -268,21 +268,6 @@ class RunningSystem:
         self.links: tuple[list[str], np.ndarray] = None  # type: ignore[assignment]
         """Scoped names and poses, shape (n, 7), of the simulator's links."""
 
-    def read_graph(self) -> list[str]:
-        """Ask the master for publishers, subscribers and services; return all nodes."""
-        tables = [
-            defaultdict(list, dict(table))
-            for table in query(self.uri, "getSystemState")
-        ]
-        self.publishers, self.subscribers, self.services = tables
-        return sorted({n for table in tables for ns in table.values() for n in ns})
-
-    def leave_out_silent(self) -> None:
-        """Forget the topics and services of nodes that do not answer."""
-        for table in (self.publishers, self.subscribers, self.services):
-            for name, nodes in table.items():
-                table[name] = [node for node in nodes if node in self.pids]
-
     def parameter(self, name: str, default: Any = None) -> Any:
         """Ask the master for a parameter."""
         try:
