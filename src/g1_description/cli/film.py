@@ -283,42 +283,33 @@ def write_video(
     Raises:
         InvalidValueError: If it cannot be written; an existing file is kept.
     """
-    with tempfile.TemporaryDirectory() as folder:
-        whole = Path(folder) / "film.mp4"
-        _encode(whole, pictures, size, rate, path.name)
-        write_whole(path, whole.read_bytes())
-
-
-def _encode(
-    whole: Path,
-    pictures: Iterable[np.ndarray],
-    size: tuple[int, int],
-    rate: float,
-    name: str,
-) -> None:
-    """Encode a file with ffmpeg, which is killed on errors."""
     command = [
         *(imageio_ffmpeg.get_ffmpeg_exe(), "-loglevel", "error", "-y"),
         *("-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{size[0]}x{size[1]}"),
         *("-r", f"{rate}", "-i", "-", "-c:v", "libx264", "-pix_fmt", "yuv420p"),
-        str(whole),
     ]
-    with tempfile.TemporaryFile() as errors, subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=errors
-    ) as encoder:
-        try:
-            for picture in pictures:
-                encoder.stdin.write(np.ascontiguousarray(picture).tobytes())
-        except BrokenPipeError:  # it has ended; its message is read below
-            pass
-        except BaseException:
-            encoder.kill()
-            raise
-        finally:
-            with contextlib.suppress(BrokenPipeError):
-                encoder.stdin.close()
-        if encoder.wait() or not whole.exists():
+    with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryFile() as errors:
+        whole = Path(folder) / "film.mp4"
+        with subprocess.Popen(
+            [*command, str(whole)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=errors,
+        ) as encoder:
+            try:
+                for picture in pictures:
+                    encoder.stdin.write(np.ascontiguousarray(picture).tobytes())
+            except BrokenPipeError:  # it has ended; its message is read below
+                pass
+            except BaseException:
+                encoder.kill()
+                raise
+            finally:
+                with contextlib.suppress(BrokenPipeError):
+                    encoder.stdin.close()
+        if encoder.returncode or not whole.exists():
             errors.seek(0)
             lines = errors.read().decode("utf-8", "replace").strip().splitlines()
             problem = lines[-1] if lines else f"it ended with {encoder.returncode}"
-            raise InvalidValueError(f"ffmpeg cannot write {name}: {problem}.")
+            raise InvalidValueError(f"ffmpeg cannot write {path.name}: {problem}.")
+        write_whole(path, whole.read_bytes())

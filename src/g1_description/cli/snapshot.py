@@ -420,7 +420,14 @@ def watch_now(
         namespaces = args.namespace or [rospy.get_namespace()]
         views = [RobotView(name.strip("/"), notify) for name in namespaces]
         for view in views:
-            wait_for(view)
+            wait_until(lambda view=view: not view.missing, JOINTS_TIMEOUT)
+            if view.missing and not view.positions:
+                raise NoAnswerError(
+                    f"There were no joint states of '{view.description.name}' on "
+                    f"{view.topic} within {JOINTS_TIMEOUT:g} s; is the bridge running "
+                    "and time unpaused?"
+                )
+            wait_until(lambda view=view: has_base(view), BASE_TIMEOUT)
             name, lost = view.description.name, ", ".join(view.missing)
             if lost:
                 notify(f"unknown positions of '{name}', drawn at 0: {lost}.")
@@ -437,22 +444,6 @@ def watch_now(
     except (OSError, rospy.ROSException, rosgraph.MasterException) as error:
         raise NoAnswerError(f"lost the connection to the master: {error}.") from error
     return [view.description for view in views], moments
-
-
-def wait_for(view: RobotView) -> None:
-    """Wait for the joints and the pose of the base; some may be missing.
-
-    Raises:
-        NoAnswerError: If there are no joint states.
-        ROSInterruptException: If the node is shut down.
-    """
-    wait_until(lambda: not view.missing, JOINTS_TIMEOUT)
-    if view.missing and not view.positions:
-        raise NoAnswerError(
-            f"There were no joint states of '{view.description.name}' on {view.topic} "
-            f"within {JOINTS_TIMEOUT:g} s; is the bridge running and time unpaused?"
-        )
-    wait_until(lambda: has_base(view), BASE_TIMEOUT)
 
 
 def has_base(view: RobotView) -> bool:
