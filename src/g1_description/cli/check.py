@@ -218,12 +218,10 @@ class CheckOptions:
             if file not in (None, STDOUT) and Path(file).suffix.lower() != ending:
                 flag = f"--{name.replace('_', '-')}"
                 raise InvalidValueError(f"{flag} must end in {ending} (got {file})")
-        if self.motors and not self.physics:
-            raise InvalidValueError("--motors needs --physics")
-        if self.engine and not self.physics:
-            raise InvalidValueError("--engine needs --physics")
-        if self.shift is not None and self.against is None:
-            raise InvalidValueError("--shift needs --against")
+        needed = {"motors": "physics", "engine": "physics", "shift": "against"}
+        for name, other in needed.items():
+            if getattr(self, name) is not None and not getattr(self, other):
+                raise InvalidValueError(f"--{name} needs --{other}")
         if self.watch and self.dask is not None:
             raise InvalidValueError("--watch and --dask cannot be combined")
         names = ("csv", "plot", "html", "write_selection", "dask", "only", "quiet")
