@@ -35,21 +35,19 @@ def __getattr__(name: str) -> Any:
     try:
         module = importlib.import_module(f"{__name__}.{PUBLIC[name]}")
     except ModuleNotFoundError as error:
-        raise ImportError(_needs(name, error.name)) from error
+        lacks = (
+            f"g1_description.{name} needs {error.name}, which {sys.executable} lacks"
+        )
+        fix = ": it needs ROS. Source the workspace and use /usr/bin/python3."
+        if name == "Robot":
+            fix = ". Install the package with pip, or use the Python of ROS."
+        raise ImportError(lacks + fix) from error
     return getattr(module, name)
 
 
 def __dir__() -> list[str]:
     """List the names of this module."""
     return sorted({*globals(), *PUBLIC})
-
-
-def _needs(name: str, missing: str | None) -> str:
-    """Say what to do where a module is missing that a public name needs."""
-    lacks = f"g1_description.{name} needs {missing}, which {sys.executable} lacks"
-    if name != "Robot":
-        return f"{lacks}: it needs ROS. Source the workspace and use /usr/bin/python3."
-    return f"{lacks}. Install the package with pip, or use the Python of ROS."
 
 
 def _find_installed() -> None:

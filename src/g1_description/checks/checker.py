@@ -187,13 +187,18 @@ class Checker:
         if measured.played is not None:
             notes += [*measured.played.left_out, physics_summary(measured)]
         found = sorted_findings(f for rule in made for f in rule.find(rule, measured))
+        contacts = {}
+        if measured.in_contact is not None:
+            for column in np.flatnonzero(measured.in_contact.any(axis=0)):
+                link, mask = measured.ground_links[column], measured.in_contact
+                contacts[link] = intervals(measured.times, mask[:, column])
         verdict = Verdict(
             self.description.name,
             with_causes(found, self._grouping, self._limbs),
             tuple(rule.name for rule in made),
             {rule.name: why for rule, why in rules.items() if why},
             _figures(measured),
-            _floor_contacts(measured),
+            contacts,
             tuple(dict.fromkeys(notes)),
             measured=measured,
         )
@@ -254,18 +259,6 @@ def _ways(measured: Measured) -> dict[str, float]:
     return {
         "root_path": float(steps.sum()),
         "root_speed.max": float(speeds.max()) if len(speeds) else 0.0,
-    }
-
-
-def _floor_contacts(measured: Measured) -> dict[str, tuple[tuple[float, float], ...]]:
-    """List when links are in contact with the floor."""
-    if measured.in_contact is None:
-        return {}
-    return {
-        measured.ground_links[column]: intervals(
-            measured.times, measured.in_contact[:, column]
-        )
-        for column in np.flatnonzero(measured.in_contact.any(axis=0))
     }
 
 

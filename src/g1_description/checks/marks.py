@@ -133,8 +133,6 @@ def size_text(finding: Finding) -> str:
 ABOVE = 0.004
 """Height above the floor of marks on it, in [m]."""
 
-UP = np.array([0.0, 0.0, 1.0])
-
 ROUNDING = 1e-9
 """Excess of a position over a limit that is no more than rounding, in [rad] or [m]."""
 
@@ -219,7 +217,7 @@ def _balance(canvas: Canvas, measured: Measured, verdict: Verdict) -> list[Label
     below = np.append(center[:2], floor)
     canvas.ball(BALANCE, center, 0.07, color)
     canvas.line(BALANCE, np.stack([center, below]), 0.006, color)
-    canvas.disc(BALANCE, below + 0.001 * UP, 0.05, color)
+    canvas.disc(BALANCE, np.append(center[:2], floor + 0.001), 0.05, color)
     if np.isnan(margin):
         return []
     corners = np.array(support_polygon(measured.support[0]))

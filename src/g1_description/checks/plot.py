@@ -127,8 +127,15 @@ def _figure(
     figure = Figure(figsize=(WIDTH, total), dpi=100)
     _title(figure, name, verdict, total)
     top = total - HEAD
-    if columns:
-        _joints(figure, (top, total), columns, measured, verdict)
+    width = 1.0 / max(len(columns), 1)
+    for number, strips in enumerate(columns):
+        height = STRIP * len(strips)
+        left, bottom = number * width + 0.1, (top - height) / total
+        axes = figure.add_axes((left, bottom, width - 0.135, height / total))
+        _joint_strips(axes, strips, measured, verdict)
+        _time_axis(axes, measured.times)
+        if not number:
+            _strips_legend(axes)
     top -= heights[0] + GAP
     for title, height, draw, checks in below:
         place = (LEFT, (top - height) / total, 0.98 - LEFT, height / total)
@@ -139,32 +146,6 @@ def _figure(
         top -= height + GAP
     figure.axes[-1].set_xlabel("time [s]", fontsize=8, labelpad=1.0)
     return figure
-
-
-def _joints(
-    figure: Figure,
-    place: tuple[float, float],
-    columns: Sequence[Sequence[Joint]],
-    measured: Measured,
-    verdict: Verdict,
-) -> None:
-    """Draw the strips of joints."""
-    top, total = place
-    width = 1.0 / len(columns)
-    for number, joints in enumerate(columns):
-        height = STRIP * len(joints)
-        axes = figure.add_axes(
-            (
-                number * width + 0.1,
-                (top - height) / total,
-                width - 0.135,
-                height / total,
-            )
-        )
-        _joint_strips(axes, joints, measured, verdict)
-        _time_axis(axes, measured.times)
-        if not number:
-            _strips_legend(axes)
 
 
 def _title(figure: Figure, name: str, verdict: Verdict, total: float) -> None:

@@ -207,18 +207,12 @@ def _row(outcome: FileResult) -> dict[str, Any]:
     if verdict.first_time is not None:
         row["first_time"] = verdict.first_time
     row.update({k: verdict.figures[k] for k in FIGURES if k in verdict.figures})
-    for rule in RULES:
-        row.update(_cells(verdict, rule.name))
+    row.update(dict.fromkeys(verdict.skipped, "skipped"))
+    for check in verdict.checked:
+        found = verdict.of(check)
+        severities = {finding.severity for finding in found}
+        row[check] = next((s for s in (FAILED, WARNING) if s in severities), PASSED)
+        if found:
+            worst = max(found, key=lambda finding: finding.badness)
+            row[f"{check}_worst"] = worst.worst
     return row
-
-
-def _cells(verdict: Verdict, check: str) -> dict[str, Any]:
-    """Return the result of one check, and its worst size."""
-    if check not in verdict.checked:
-        return {check: "skipped"} if check in verdict.skipped else {}
-    found = verdict.of(check)
-    if not found:
-        return {check: PASSED}
-    severity = FAILED if FAILED in {f.severity for f in found} else WARNING
-    worst = max(found, key=lambda finding: finding.badness).worst
-    return {check: severity, f"{check}_worst": worst}
