@@ -37,9 +37,7 @@ from g1_description.cli.check_reports import (
     Reports,
     check_place,
     comparisons,
-    comparisons_json,
-    print_comparisons,
-    write_text,
+    write_comparisons,
 )
 from g1_description.cli.motion_paths import (
     MotionFiles,
@@ -355,10 +353,7 @@ def _compare(args: CheckOptions, files: MotionFiles, against: Path) -> int:
     if args.json not in (None, STDOUT):
         check_place(Path(str(args.json)))
     found = [*comparisons(file_checker(args), files, against, args.shift)]
-    if args.json != STDOUT:
-        print_comparisons(found)
-    if args.json:
-        write_text(args.json, comparisons_json(found))
+    write_comparisons(found, args.json)
     return MISUSE if any(isinstance(result, str) for _, result in found) else 0
 
 

@@ -314,14 +314,32 @@ def _name(path: Path) -> str:
     return file.stem if name is None else f"{file.stem}#{name}"
 
 
-def print_comparisons(found: Sequence[tuple[str, Comparison | str]]) -> None:
-    """Print one comparison in full, several as a table with a row each."""
-    if len(found) == 1:
-        name, comparison = found[0]
-        say(f"{name}: {comparison}")
-        return
-    rows = [HEAD, *(_row(name, comparison) for name, comparison in found)]
-    say("\n".join(table(rows, 1)))
+def write_comparisons(
+    found: Sequence[tuple[str, Comparison | str]], place: str | None
+) -> None:
+    """Print one comparison in full, several as a table with a row each.
+
+    Args:
+        found: Names of files, and their comparisons or why there is none.
+        place: File of a JSON list with an object per file; ``STDOUT``: instead of the
+            text; None: there is no JSON.
+
+    Raises:
+        InvalidValueError: If it cannot be written.
+    """
+    if place != STDOUT and len(found) == 1:
+        say(f"{found[0][0]}: {found[0][1]}")
+    elif place != STDOUT:
+        rows = [HEAD, *(_row(name, comparison) for name, comparison in found)]
+        say("\n".join(table(rows, 1)))
+    if place:
+        content = [
+            {"file": name, "problem": comparison}
+            if isinstance(comparison, str)
+            else {"file": name, **comparison.as_dict()}
+            for name, comparison in found
+        ]
+        write_text(place, json.dumps(content, indent=2) + "\n")
 
 
 def _row(name: str, found: Comparison | str) -> tuple[str, ...]:
@@ -340,14 +358,3 @@ def _row(name: str, found: Comparison | str) -> tuple[str, ...]:
         f"{slip:.3f} m" if found.slip else "",
         f"{len(found.findings)} findings" if found.findings else "",
     )
-
-
-def comparisons_json(found: Sequence[tuple[str, Comparison | str]]) -> str:
-    """Write comparisons as JSON: a list with an object per file."""
-    rows = [
-        {"file": name, "problem": comparison}
-        if isinstance(comparison, str)
-        else {"file": name, **comparison.as_dict()}
-        for name, comparison in found
-    ]
-    return json.dumps(rows, indent=2) + "\n"
