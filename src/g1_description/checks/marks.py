@@ -9,7 +9,7 @@ from typing import Protocol, Tuple
 import numpy as np
 
 from g1_description.checks.measured import Measured
-from g1_description.checks.rule import Rule, units
+from g1_description.checks.rule import units
 from g1_description.checks.rules import RULES
 from g1_description.checks.support import support_polygon
 from g1_description.checks.verdict import FAILED, Finding, Verdict
@@ -162,11 +162,17 @@ def draw_marks(canvas: Canvas, verdict: Verdict, limit_margin: float) -> None:
     poses = measured.motion.base_poses
     base = IDENTITY if poses is None else poses[0]
     rules = {rule.name: rule for rule in RULES if rule.namespace}
-    labels = [
-        _mark(canvas, rules[finding.check], finding)
-        for finding in verdict.findings
-        if finding.check in rules and finding.points
-    ]
+    labels = []
+    for finding in verdict.findings:
+        rule, points = rules.get(finding.check), np.array(finding.points)
+        if rule is None or not len(points):
+            continue
+        color = RED if finding.severity == FAILED else ORANGE
+        for point in points:
+            canvas.ball(rule.namespace, point, 0.03, color)
+        about = rule.label.format(subject=subject_text(finding))
+        text = f"{about} {size_text(finding)}"
+        labels.append(Label(points.mean(axis=0), text, color))
     labels += _near_limits(canvas, measured, base, limit_margin)
     labels += _balance(canvas, measured, verdict)
     for label, (begin, middle) in zip(labels, places(labels, base)):
@@ -229,13 +235,3 @@ def _balance(canvas: Canvas, measured: Measured, verdict: Verdict) -> list[Label
     side = "inside" if margin >= 0.0 else "outside"
     text = f"centre of mass {1e3 * abs(margin):.0f} mm {side}"
     return [Label(below, text, color)]
-
-
-def _mark(canvas: Canvas, rule: Rule, finding: Finding) -> Label:
-    """Mark the points of a finding; return its label."""
-    points = np.array(finding.points)
-    color = RED if finding.severity == FAILED else ORANGE
-    for point in points:
-        canvas.ball(rule.namespace, point, 0.03, color)
-    text = f"{rule.label.format(subject=subject_text(finding))} {size_text(finding)}"
-    return Label(points.mean(axis=0), text, color)

@@ -8,13 +8,11 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
-from g1_description.checks.rule import Rule
 from g1_description.checks.rules import RULES
 from g1_description.checks.thresholds import (
     SIGNS,
     Exclusion,
     JointBounds,
-    Level,
     Thresholds,
 )
 from g1_description.checks.verdict import COUNTS, FIGURES, NOTES, WORST
@@ -90,7 +88,9 @@ def with_thresholds(thresholds: Thresholds, content: Mapping[str, Any]) -> Thres
     changed: dict[str, Any] = {}
     for name, value in content.items():
         if name in rules:
-            levels[name] = _level(rules[name], value, thresholds)
+            parts = _parts(name, value, ("warning", "failure"))
+            numbers = {k: _optional(f"{name}.{k}", n) for k, n in parts.items()}
+            levels[name] = replace(rules[name].level_in(thresholds), **numbers)
         elif any(sign in str(name) for sign in SIGNS):
             exclusions.append(_exclusion(str(name), value))
         elif name not in known:
@@ -123,15 +123,6 @@ def _exclusion(text: str, value: Any) -> Exclusion:
     if value != EXCLUDE:
         raise ThresholdError(f"The rule '{text}' must be '{EXCLUDE}' (got {value!r}).")
     return rule
-
-
-def _level(rule: Rule, value: Any, thresholds: Thresholds) -> Level:
-    """Read the thresholds of one check; a missing one is kept."""
-    parts = _parts(rule.name, value, ("warning", "failure"))
-    numbers = {
-        part: _optional(f"{rule.name}.{part}", number) for part, number in parts.items()
-    }
-    return replace(rule.level_in(thresholds), **numbers)
 
 
 def _bounds(name: str, value: Any, usual: JointBounds) -> JointBounds:

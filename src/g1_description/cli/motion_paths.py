@@ -73,7 +73,9 @@ def motion_files(
         """Add a file, unless it was found by another name; return its first names."""
         first = []
         for name in _names(path) if every else [path]:
-            key = _key(name), len(found) if repeats else 0
+            file, part = split(name)  # equal for all names of a motion
+            real = os.path.realpath(file) + ("" if part is None else f"#{part}")
+            key = real, len(found) if repeats else 0
             first.append(found.setdefault(key, (str(name), name, folder))[0])
         return first
 
@@ -120,12 +122,6 @@ def unmatched(selection: Selection | None) -> str:
     begin = f"{len(names)} entries" if len(names) > 1 else "1 entry"
     verb = "match" if len(names) > 1 else "matches"
     return f"{begin} of {selection.path} {verb} no motion: {listed(names)}."
-
-
-def _key(path: Path) -> str:
-    """Return the common part of all names of a motion."""
-    file, name = split(path)
-    return os.path.realpath(file) + ("" if name is None else f"#{name}")
 
 
 def _names(path: Path) -> list[Path]:

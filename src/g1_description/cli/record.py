@@ -122,14 +122,22 @@ def record(args: RecordOptions) -> None:
     """Record and save.
 
     Raises:
-        G1DescriptionError: If no state arrives, or the file cannot be written.
+        G1DescriptionError: If no state arrives, there is no bridge that has kept the
+            last ones, or the file cannot be written.
     """
     start_node("record", anonymous=True, disable_rosout=True)
     robot = wait_for_description(args.namespace, notify)
-    if args.last is not None:
-        save_last(args.last, robot, args)
-        return
     recorder = Recorder(args.rate, args.seconds, partial(room_of, args.out))
+    if args.last is not None:
+        stretch, note = fetch_history(args.last, args.namespace, time_entered())
+        for state in stretch.states():
+            recorder.take(state)
+        if recorder.refusal:
+            raise recorder.refusal
+        if note:
+            notify(note)
+        save(recorder, robot, args)
+        return
     states = states_of(robot, recorder, args)
     _wait_for_first(recorder, states)
     stop = _Stop()
@@ -138,23 +146,6 @@ def record(args: RecordOptions) -> None:
     _follow(recorder, states, stop)
     recorder.is_over = True
     states.close()
-    save(recorder, robot, args)
-
-
-def save_last(seconds: float, robot: Description, args: RecordOptions) -> None:
-    """Save the history that the bridge has kept.
-
-    Raises:
-        G1DescriptionError: If there is no bridge, or the file cannot be written.
-    """
-    stretch, note = fetch_history(seconds, args.namespace, time_entered())
-    recorder = Recorder(args.rate, None, partial(room_of, args.out))
-    for state in stretch.states():
-        recorder.take(state)
-    if recorder.refusal:
-        raise recorder.refusal
-    if note:
-        notify(note)
     save(recorder, robot, args)
 
 

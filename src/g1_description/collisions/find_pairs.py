@@ -91,7 +91,9 @@ def find_allowed_pairs(
         if progress is not None:
             progress(first + len(poses), samples)
     reasons = np.where(was_near | (samples == 0), "", NEVER).astype(object)
-    reasons[collisions.contacts(zero_poses(description)).pair] = DEFAULT
+    lower, upper = _ranges(description)
+    zero = np.clip(np.zeros((1, len(lower))), lower, upper)
+    reasons[collisions.contacts(_poses(description, zero)).pair] = DEFAULT
     reasons[was_near & ~was_apart] = ALWAYS
     found = zip(collisions.pairs, reasons.tolist())
     pairs = [pair for pair in adjacent if pair.links <= {*links}]
@@ -224,16 +226,6 @@ def random_poses(
     lower, upper = _ranges(description)
     shares = random.random_sample((count, len(lower)))
     return _poses(description, lower + shares * (upper - lower))
-
-
-def zero_poses(description: Description) -> np.ndarray:
-    """Place the links with all joints at zero, or at the nearest limit.
-
-    Returns:
-        Poses of the links, shape (1, n_links, 7).
-    """
-    lower, upper = _ranges(description)
-    return _poses(description, np.clip(np.zeros((1, len(lower))), lower, upper))
 
 
 def _poses(description: Description, positions: np.ndarray) -> np.ndarray:
