@@ -38,9 +38,11 @@ def former_arguments(**renamed: str) -> Callable[[Function], Function]:
         @wraps(function)
         def call(*args: Any, **given: Any) -> Any:
             for old, new in renamed.items():
+                if old in given and new in given:
+                    raise TypeError(f"{name}() got both {new} and {old}")
                 if old in given:
                     _warn(f"{name}({old}=...)", f"{new}=...")
-                    given.setdefault(new, given.pop(old))
+                    given[new] = given.pop(old)
             return function(*args, **given)
 
         return call  # type: ignore[return-value]

@@ -177,6 +177,18 @@ class Wall:
         return f"the tip is {1e3 * excess:.0f} mm behind the wall"
 
 
+@pytest.mark.parametrize(
+    ("rates", "room"),
+    [((2, 8), (3,)), ((1, 7), (1,)), ((1, 8), (1, 1)), (np.nan, (1,))],
+)
+def test_a_limit_that_returns_something_else_is_refused(rates, room):
+    limit = Wall(1.0)
+    wrong = np.full((1, 8), np.nan) if rates is np.nan else np.zeros(rates)
+    limit.approach = lambda jacobians: (wrong, np.zeros(room))
+    with pytest.raises(InvalidValueError, match=r"Wall\.approach must return finite"):
+        Robot(ARM).ik({"tip": [1.0, 0.0, 0.0]}, limits=[limit])
+
+
 def test_a_limit_of_ones_own_is_kept_as_far_as_possible():
     arm, target = Robot(ARM), {"tip": [1.4, 0.3, 0.0]}
     assert arm.ik(target).reached
@@ -412,6 +424,8 @@ def test_a_path_that_is_too_fast_lags_and_catches_up():
         ),
         ({"base_motion": "sideways"}, "must be one of free, planar, fixed .*sideways"),
         ({"start": np.zeros((2, 29))}, "start must be a single configuration"),
+        ({"limits": [3]}, "limits must be a list of objects"),
+        ({"limits": 3}, "limits must be a list of objects"),
         ({"balance": 0.04}, r"balance must be True or False \(got 0.04\)"),
         (
             {"avoid_collisions": "no"},

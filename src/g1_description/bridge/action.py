@@ -331,7 +331,8 @@ class FollowJointTrajectory:
             self._preempt()
         elif self._take(goal):
             self._warn(self._player.stop(self._controller.joints))
-            goal.handle.set_canceled(Result(), "The goal was cancelled.")
+            why = "The goal was cancelled."
+            goal.handle.set_canceled(Result(error_string=why), why)
 
     def _stop(self, handle: ServerGoalHandle, names: Sequence[str]) -> None:
         """Stop joints where they are; without names all of the controller."""
@@ -374,7 +375,8 @@ class FollowJointTrajectory:
         """Cancel the current goal, as another motion replaces it."""
         goal = self._active
         if goal is not None and self._take(goal):
-            goal.handle.set_canceled(Result(), "Replaced by another motion.")
+            why = "Replaced by another motion."
+            goal.handle.set_canceled(Result(error_string=why), why)
 
     def _abort(self, message: str) -> None:
         """Abort the current goal, if there is one."""

@@ -122,10 +122,11 @@ class IkOptions:
     """Further limits; see ``ik.limits.Limit``."""
 
     def __post_init__(self) -> None:
-        """Refuse a value that is no boolean: any number would count as True.
+        """Refuse values that are no booleans, as any number would count as True.
 
         Raises:
-            InvalidValueError: If balance or avoid_collisions is something else.
+            InvalidValueError: If balance or avoid_collisions is something else, or
+                limits are no limits.
         """
         for name in ("balance", "avoid_collisions"):
             given = getattr(self, name)
@@ -133,6 +134,12 @@ class IkOptions:
                 raise InvalidValueError(
                     f"{name} must be True or False (got {str(given)[:80]})."
                 )
+        is_list = isinstance(self.limits, Sequence)
+        if not (is_list and all(hasattr(one, "approach") for one in self.limits)):
+            raise InvalidValueError(
+                "limits must be a list of objects with the methods approach and "
+                f"excess_message (got {str(self.limits)[:80]})."
+            )
 
     @classmethod
     def of(cls, function: str, given: Mapping[str, Any]) -> IkOptions:

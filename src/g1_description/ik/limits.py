@@ -13,6 +13,7 @@ import numpy as np
 
 from g1_description.checks.support import Corners
 from g1_description.collisions.self_collisions import SelfCollisions
+from g1_description.errors import InvalidValueError
 from g1_description.robot.assembly import WORLD
 from g1_description.robot.description import Description
 from g1_description.robot.dynamics import Masses
@@ -37,6 +38,24 @@ class Limit(Protocol):
 
     def excess_message(self, excess: float) -> str:
         """Describe how far a configuration is beyond the limit, given in [m]."""
+
+
+def checked_approach(limit: Limit, jacobians: Jacobians, n_columns: int) -> Approach:
+    """Linearize a limit; the solver takes any numbers for granted.
+
+    Raises:
+        InvalidValueError: If it does not return what ``Approach`` says.
+    """
+    found = limit.approach(jacobians)
+    rates, room = (np.asarray(part, dtype=float) for part in found)
+    fits = room.ndim == 1 and rates.shape == (len(room), n_columns)
+    if not fits or not (np.isfinite(rates).all() and np.isfinite(room).all()):
+        raise InvalidValueError(
+            f"{type(limit).__name__}.approach must return finite rates of shape (n, "
+            f"{n_columns}) and room of shape (n,) (got shapes {rates.shape} and "
+            f"{room.shape})."
+        )
+    return rates, room
 
 
 class BalanceLimit:

@@ -19,7 +19,7 @@ from typing import NamedTuple, Tuple, TypeVar
 import daqp
 import numpy as np
 
-from g1_description.ik.limits import Approach, Limit
+from g1_description.ik.limits import Approach, Limit, checked_approach
 from g1_description.robot.description import Description
 from g1_description.robot.dynamics import Masses
 from g1_description.robot.jacobians import Jacobians
@@ -198,7 +198,10 @@ class IkSolver:
         moves = [goals[:, :3] - points, to_rotation_vector(turns)]
         free = np.array([task.weights for task in tasks]).reshape(-1, 6) == 0.0
         displacements = np.where(free, 0.0, np.concatenate(moves, axis=-1))
-        approaches = [limit.approach(jacobians) for limit in bounds.limits]
+        approaches = [
+            checked_approach(limit, jacobians, 6 + len(now.position))
+            for limit in bounds.limits
+        ]
         return Linearization(
             now, tasks, bounds, jacobians, points, displacements, approaches
         )

@@ -179,8 +179,8 @@ class Motions:
             still = model.target[stopped], np.zeros(len(stopped))
             root = (model.root_poses[0], np.zeros(6)) if base else ()
             self._set(model, Setpoint(stopped, *still, *root))
-        if not names:
-            model.commanded_base = None
+        if not names and self._engine.is_dynamic:
+            model.commanded_base = None  # nothing holds the base
         self.release(model, rows, base=not names)
         self._settle(model, moved_base)
 

@@ -327,7 +327,10 @@ class World:
         rows = [model.joint_row(name) for name in names]
         known = [number for number, row in enumerate(rows) if row is not None]
         own = np.array([rows[number] for number in known], dtype=int)
-        self.engine.drive(model, own, PdCommand(*(part[known] for part in command)))
+        given = PdCommand(*(part[known] for part in command))
+        self.engine.drive(model, own, given)
+        has_target = given.stiffness > 0.0
+        model.commanded[own] = np.where(has_target, given.positions, np.nan)
         self.motions.release(model, own.tolist())
         return [name for name, row in zip(names, rows) if row is None]
 
