@@ -43,6 +43,14 @@ def package_folder(name: str) -> str:
     return folder
 
 
+def answer_for_ros_2() -> None:
+    """Replace ROS 2's package index by that of ROS 1."""
+    index = ModuleType("ament_index_python")
+    packages = ModuleType("ament_index_python.packages")
+    packages.get_package_share_directory = package_folder  # type: ignore[attr-defined]
+    sys.modules.update({index.__name__: index, packages.__name__: packages})
+
+
 def sentence(error: Exception, file: str) -> str:
     """Format an error of xacro, with its file."""
     cause = getattr(error, "exc", None)
@@ -55,10 +63,7 @@ def sentence(error: Exception, file: str) -> str:
 
 def main() -> None:
     """Print URDF for the file and the arguments of the command line."""
-    index = ModuleType("ament_index_python")
-    packages = ModuleType("ament_index_python.packages")
-    packages.get_package_share_directory = package_folder  # type: ignore[attr-defined]
-    sys.modules.update({index.__name__: index, packages.__name__: packages})
+    answer_for_ros_2()
     try:
         import xacro
     except ImportError:
