@@ -179,7 +179,7 @@ def take(browser: Browser, shot: Shot, folder: Path, file: Path) -> None:
         if not shot.phone:
             _move_aside(page)
         else:  # which starts with a folded panel
-            page.raw.get_by_text(TITLE, exact=True).first.click()
+            page.raw.get_by_text(TITLE).first.click()
         shot.act(page)
         page.raw.mouse.move(1, 1)
         page.still(TIMEOUT)
@@ -232,7 +232,7 @@ def _rounded(pixels: np.ndarray) -> Image.Image:
 
 def _folded(page: Page) -> np.ndarray:
     """Fold the panel, and show the page."""
-    page.raw.get_by_text(TITLE, exact=True).first.click()
+    page.raw.get_by_text(TITLE).first.click()
     page.still(TIMEOUT)
     return page.picture()
 
