@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import time
+from itertools import islice
 
 import numpy as np
 
 from g1_description.ik.inverse_kinematics import IkOptions, InverseKinematics
-from g1_description.ik.solver import IkSolver, descend
 from g1_description.robot.rotation import from_rotation_vector
 
 HANDS, FEET = ("left_hand", "right_hand"), ("left_foot", "right_foot")
@@ -44,7 +44,7 @@ def ik(bench):
 
 def _targets(robot, start, base, count):
     """Make poses of both hands, by name."""
-    inverse = InverseKinematics(robot.description, IkSolver(robot.description))
+    inverse = InverseKinematics(robot.description)
     random, found = np.random.default_rng(0), []
     while len(found) < count:
         posture = robot.random_configuration(random)
@@ -63,7 +63,7 @@ def _targets(robot, start, base, count):
 def _reach(bench, what, targets, start, base, balance, collisions):
     """Reach all targets."""
     robot, times, steps, reached, feet, beyond = bench.robot, [], [], 0, [], 0
-    options = {"balance": balance, "collisions": collisions}
+    options = {"balance": balance, "avoid_collisions": collisions}
     robot.ik({}, start, base, **options)  # prepares the shapes
     for target in targets:
         begin = time.process_time()
@@ -86,27 +86,18 @@ def _reach(bench, what, targets, start, base, balance, collisions):
 
 def _steps(bench, targets, start, base, collisions):
     """Measure single steps with four targets and balance."""
-    robot = bench.robot
-    shapes = robot.checker().collisions if collisions else None
-    solver = IkSolver(robot.description, shapes)
-    inverse, times = InverseKinematics(robot.description, solver), []
-    step = solver.step
-
-    def timed(*arguments):
-        begin = time.process_time()
-        now = step(*arguments)
-        solver.view(now, arguments[0].tasks, arguments[0].bounds)
-        times.append(time.process_time() - begin)
-        return now
-
-    solver.step = timed
+    robot, times = bench.robot, []
+    inverse = InverseKinematics(robot.description, lambda: robot.checker().collisions)
     options = IkOptions(balance=True, avoid_collisions=collisions)
     pelvis = base - [0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 0.0]
     for target in targets:
         wanted = {**target, "head": [0.05, 0.0, 1.1], "pelvis": pelvis}
-        problem = inverse._problem(wanted, start, base, options)
-        view = solver.view(problem.start, problem.tasks, problem.bounds)
-        descend(solver, view, problem.start.position, 25)
+        steps = inverse.pieces(wanted, start, base, options, starts=1, most=1)
+        next(steps)  # the start itself
+        begin = time.process_time()
+        for _ in islice(steps, 25):
+            times.append(time.process_time() - begin)
+            begin = time.process_time()
     name = f"a step with four targets and balance{' and distances' * collisions}"
     bench.add(
         f"{name}, median", 1e3 * np.median(times), "ms", f"< {15 if collisions else 5}"
@@ -123,7 +114,7 @@ def _pink(bench, targets, start, base):
         bench.leave_out(f"pink: {error}")
         return
     robot = bench.robot
-    inverse = InverseKinematics(robot.description, IkSolver(robot.description))
+    inverse = InverseKinematics(robot.description)
     floating = pinocchio.JointModelFreeFlyer()
     model = pinocchio.buildModelFromUrdf(str(bench.model), floating)
     data = model.createData()
