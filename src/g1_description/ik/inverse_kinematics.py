@@ -20,7 +20,7 @@ from g1_description.ik.limits import (
     DistanceLimit,
     FloorLimit,
     Limit,
-    Part,
+    LinkPart,
     link_parts,
 )
 from g1_description.ik.solver import (
@@ -407,7 +407,7 @@ class InverseKinematics:
         return {**stays, **moved}, bounds
 
     @cached_property
-    def _parts(self) -> list[Part]:
+    def _parts(self) -> list[LinkPart]:
         return link_parts(self._description)
 
     @cached_property

@@ -90,7 +90,7 @@ class BalanceLimit:
         )
 
 
-class Part(NamedTuple):
+class LinkPart(NamedTuple):
     """Points of a link that a floor meets, in its frame."""
 
     row: int
@@ -103,7 +103,7 @@ class Part(NamedTuple):
     """Around the points, in [m], shape (n,)."""
 
 
-def link_parts(description: Description) -> list[Part]:
+def link_parts(description: Description) -> list[LinkPart]:
     """Split the outline of each link by octants.
 
     With only the lowest point of a link, steps would rock a foot from heel to toe.
@@ -114,7 +114,7 @@ def link_parts(description: Description) -> list[Part]:
         points, radii = outlines(link)
         octants = (points > points.mean(axis=0)) @ [1, 2, 4]
         each = [octants == number for number in np.unique(octants)]
-        parts += [Part(row, points[one], radii[one]) for one in each]
+        parts += [LinkPart(row, points[one], radii[one]) for one in each]
     return parts
 
 
@@ -122,7 +122,7 @@ class FloorLimit:
     """Keeps links above the floor."""
 
     def __init__(
-        self, parts: Sequence[Part], floor: float, but_for: Collection[int] = ()
+        self, parts: Sequence[LinkPart], floor: float, but_for: Collection[int] = ()
     ) -> None:
         """Prepare the points of a robot's links.
 
