@@ -30,7 +30,7 @@ from support.ros_testing import (
     wait_for,
 )
 
-from g1_description.cli import film, snapshot
+from g1_description.cli import running_robots, snapshot
 from g1_description.ros.robot_view import RobotView
 
 SHOULDER = "left_shoulder_roll_joint"
@@ -140,8 +140,8 @@ def test_a_film_shows_the_robot_moving_and_goes_on_after_a_reset(
         angle = 0.7 + 0.6 * np.sin(4.0 * time.monotonic())
         commands.publish(JointState(name=[SHOULDER], position=[angle]))
 
-    sample = film.now
-    monkeypatch.setattr(film, "now", now)
+    sample = running_robots.now
+    monkeypatch.setattr(running_robots, "now", now)
     swings = Repeated(swing, 0.02)
     path, errors = draw("a.gif", "--gif", "--seconds", "1", "--fps", "10", *SMALL)
     swings.close()
@@ -159,7 +159,7 @@ def test_what_is_not_known_of_a_robot_is_told(draw, monkeypatch):
     publisher = rospy.Publisher("/half/joint_states", JointState, queue_size=1)
     message = JointState(name=["left_knee_joint"], position=[1.0])
     speaker = Repeated(lambda: publisher.publish(message), 0.05)
-    monkeypatch.setattr(snapshot, "RobotView", HeardRobot)
+    monkeypatch.setattr(running_robots, "RobotView", HeardRobot)
     monkeypatch.setattr(snapshot, "JOINTS_TIMEOUT", 0.0)
     monkeypatch.setattr(snapshot, "BASE_TIMEOUT", 0.0)
     _, errors = draw("a.png", "--namespace", "half", *SMALL)
@@ -188,8 +188,8 @@ def test_a_clock_that_stands_still_is_told(draw, monkeypatch, tmp_path):
             )
             service("/gazebo/pause_physics", Empty)()
 
-    monkeypatch.setattr(snapshot, "RobotView", Paused)
-    monkeypatch.setattr(film, "CLOCK_TIMEOUT", 0.3)
+    monkeypatch.setattr(running_robots, "RobotView", Paused)
+    monkeypatch.setattr(running_robots, "CLOCK_TIMEOUT", 0.3)
     try:
         with pytest.raises(SystemExit) as end:
             draw("a.gif", "--seconds", "60", "--fps", "1", *SMALL)

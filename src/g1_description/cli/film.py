@@ -1,4 +1,4 @@
-"""Pictures and animations of robots: sampling, and writing of files."""
+"""Pictures and animations of robots, written to files."""
 
 from __future__ import annotations
 
@@ -14,17 +14,15 @@ from typing import Callable, Dict, Iterator, Optional, Tuple
 
 import imageio_ffmpeg
 import numpy as np
-import rospy
 from PIL import Image
 
+from g1_description.cli.start import is_shut_down
 from g1_description.errors import InvalidValueError
 from g1_description.files.atomic import write_whole
 from g1_description.motion.motion import Motion, configuration
 from g1_description.robot.assembly import root_in_base
 from g1_description.robot.description import Description
 from g1_description.robot.transform import compose, inverse
-from g1_description.ros.robot_view import RobotView
-from g1_description.ros.waiting import NoAnswerError, wait_until
 
 COLORS = 255
 """Colours of a GIF; one more marks unchanged pixels."""
@@ -134,9 +132,6 @@ def write_film(path: Path, images: Sequence[Image.Image], rate: float) -> None:
     write_whole(path, content.getvalue())
 
 
-CLOCK_TIMEOUT = 10.0
-"""Longest wait for the clock to advance, in [s]."""
-
 LONGEST, FASTEST = 60.0, 30.0
 """Limits of animations, in [s] and in pictures per second."""
 
@@ -188,50 +183,6 @@ def motion_of(robot: Description, placed: PlacedRobot) -> Motion:
     return configuration(positions, base)
 
 
-def record(
-    views: Sequence[RobotView], seconds: float, fps: float
-) -> list[list[PlacedRobot]]:
-    """Sample the states of robots; a reset does not set the elapsed time back.
-
-    Args:
-        views: The robots.
-        seconds: Duration in [s] of ROS' clock.
-        fps: Pictures per second of ROS' clock.
-
-    Returns:
-        All robots in each picture.
-
-    Raises:
-        NoAnswerError: If the clock does not advance.
-        ROSInterruptException: If the node is shut down.
-    """
-    last, passed, found = rospy.get_time(), 0.0, []
-
-    def has_advanced() -> bool:
-        return rospy.get_time() != last
-
-    for n in range(count(seconds, fps)):
-        while passed < n / fps:
-            if not wait_until(has_advanced, CLOCK_TIMEOUT):
-                raise NoAnswerError(
-                    f"The clock did not advance for {CLOCK_TIMEOUT:g} s (it is at "
-                    f"{last:g} s); is time paused?"
-                )
-            before, last = last, rospy.get_time()
-            passed += max(0.0, last - before)
-        found.append(now(views))
-    return found
-
-
-def now(views: Sequence[RobotView]) -> list[PlacedRobot]:
-    """Return the current states of robots."""
-    states = [(view, view.state) for view in views]
-    return [
-        placed(view.description, state and state.base_pose, view.positions)
-        for view, state in states
-    ]
-
-
 def drawn(n: int, picture: Callable[[int], np.ndarray]) -> Iterator[np.ndarray]:
     """Draw all pictures of an animation, and show the progress.
 
@@ -245,7 +196,7 @@ def drawn(n: int, picture: Callable[[int], np.ndarray]) -> Iterator[np.ndarray]:
         KeyboardInterrupt: If the node was shut down meanwhile.
     """
     for k in range(n):
-        if rospy.is_shutdown():
+        if is_shut_down():
             raise KeyboardInterrupt
         yield picture(k)
         done, is_terminal = k + 1, sys.stderr.isatty()

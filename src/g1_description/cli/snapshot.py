@@ -1,8 +1,6 @@
 """The command snapshot: a picture, animation or page of a running robot or a motion.
 
-Subscribes: robot_state (g1_description/RobotState); without a bridge joint_states
-    (sensor_msgs/JointState), /tf, /tf_static
-Reads: robot_description. With --model or --motion, ROS is not used.
+With --model or --motion, ROS is not used.
 """
 
 from __future__ import annotations
@@ -14,8 +12,6 @@ from pathlib import Path
 from typing import Sequence
 
 import numpy as np
-import rosgraph
-import rospy
 
 from g1_description.cli import options
 from g1_description.cli.film import (
@@ -27,14 +23,13 @@ from g1_description.cli.film import (
     drawn,
     film,
     motion_of,
-    now,
     placed,
-    record,
     write_film,
     write_picture,
     write_video,
 )
 from g1_description.cli.options import MODEL
+from g1_description.cli.start import is_shut_down
 from g1_description.command_line import argument, number, option, own_arguments, parse
 from g1_description.errors import (
     G1DescriptionError,
@@ -53,19 +48,10 @@ from g1_description.robot.load import read_description
 from g1_description.robot.poses import check_limits
 from g1_description.robot.profile import DEFAULT
 from g1_description.robot.transform import IDENTITY
-from g1_description.ros.lifecycle import no_master, start_node
-from g1_description.ros.robot_view import RobotView
-from g1_description.ros.waiting import NoAnswerError, wait_until
 from g1_description.text import listed, similar_first
 
 SIDES = (16, 4096)
 """Smallest and largest width and height of a picture, in pixels."""
-
-JOINTS_TIMEOUT = 10.0
-"""Longest wait for the positions of all joints, in [s]."""
-
-BASE_TIMEOUT = 2.0
-"""Longest wait for the base once the joints are known, in [s]."""
 
 PAGE = ".html"
 
@@ -311,7 +297,7 @@ def draw_all(
             write_film(args.out, film(len(moments), picture), args.fps)
         else:
             pixels = picture(0)
-            if rospy.is_shutdown():
+            if is_shut_down():
                 raise KeyboardInterrupt
             write_picture(args.out, pixels)
     print(f"{args.out}: {'x'.join(map(str, args.size))}, {args.view}")
@@ -412,44 +398,18 @@ def watch_now(
 
     Raises:
         NoAnswerError: If there is no master, it is lost, or no states of a robot.
+        InvalidValueError: Without ROS.
     """
-    if not rosgraph.is_master_online():
-        raise NoAnswerError(f"{no_master()} --model FILE draws a file without one.")
     try:
-        start_node("snapshot", anonymous=True)
-        namespaces = args.namespace or [rospy.get_namespace()]
-        views = [RobotView(name.strip("/"), notify) for name in namespaces]
-        for view in views:
-            wait_until(lambda view=view: not view.missing, JOINTS_TIMEOUT)
-            if view.missing and not view.positions:
-                raise NoAnswerError(
-                    f"There were no joint states of '{view.description.name}' on "
-                    f"{view.topic} within {JOINTS_TIMEOUT:g} s; is the bridge running "
-                    "and time unpaused?"
-                )
-            wait_until(lambda view=view: has_base(view), BASE_TIMEOUT)
-            name, lost = view.description.name, ", ".join(view.missing)
-            if lost:
-                notify(f"unknown positions of '{name}', drawn at 0: {lost}.")
-            if not has_base(view):
-                notify(
-                    f"{view.no_base}: '{name}' is drawn with its root at the origin."
-                )
-        films = args.is_film
-        moments = record(views, args.seconds, args.fps) if films else [now(views)]
-        for view in views:  # drawing needs the processor
-            view.close()
-    except rospy.ROSInterruptException:
-        raise
-    except (OSError, rospy.ROSException, rosgraph.MasterException) as error:
-        raise NoAnswerError(f"lost the connection to the master: {error}.") from error
-    return [view.description for view in views], moments
-
-
-def has_base(view: RobotView) -> bool:
-    """Return whether the pose of a robot's base is known."""
-    state = view.state
-    return state is not None and state.base_pose is not None
+        from g1_description.cli.running_robots import watch
+    except ModuleNotFoundError as error:
+        raise InvalidValueError(
+            f"Running robots need ROS (there is no {error.name}); --motion FILE or "
+            "--model FILE draws without it."
+        ) from error
+    return watch(
+        args.namespace, (args.seconds, args.fps) if args.is_film else None, notify
+    )
 
 
 def main() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import numbers
+from contextlib import suppress
 from pathlib import Path
 
 from g1_description.errors import G1DescriptionError, cause
@@ -46,7 +47,10 @@ def parse_yaml(data: bytes) -> object:
     from ruamel.yaml.constructor import DuplicateKeyError
 
     try:
-        return YAML(typ="safe", pure=True).load(data.decode("utf-8"))
+        text = data.decode("utf-8")
+        with suppress(YAMLError):  # in C, twenty times as fast; the other names lines
+            return YAML(typ="safe").load(text)
+        return YAML(typ="safe", pure=True).load(text)
     except (YAMLError, DuplicateKeyError, RecursionError, ValueError) as error:
         raise YamlError(f"it is not valid YAML: {yaml_problem(error)}") from error
 
