@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Union
 import numpy as np
 
 from g1_description.checks.thresholds import Thresholds
+from g1_description.choices import DEFAULT, ZERO
 from g1_description.errors import (
     DescriptionError,
     InvalidValueError,
@@ -48,7 +49,6 @@ from g1_description.robot.jacobians import Jacobians
 from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.load import read_description
 from g1_description.robot.poses import (
-    ZERO,
     Pose,
     check_pose,
     find_pose,
@@ -56,7 +56,7 @@ from g1_description.robot.poses import (
     pose_positions,
     read_poses,
 )
-from g1_description.robot.profile import DEFAULT, is_name
+from g1_description.robot.profile import is_name
 from g1_description.robot.rotation import cross
 from g1_description.robot.transform import IDENTITY, compose, inverse
 from g1_description.robot.urdf import parse_urdf

@@ -11,9 +11,6 @@ from g1_description.errors import DescriptionError
 MAX_VALUE = 1e9
 """Largest magnitude accepted for any length, angle, mass or speed."""
 
-MAX_PORT = 2**16 - 1
-"""The largest number of a TCP port."""
-
 NORM_TOLERANCE = 1e-3
 """Largest deviation of a unit quaternion's norm from 1."""
 

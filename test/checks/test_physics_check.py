@@ -11,7 +11,7 @@ from g1_description.checks.checker import Checker
 from g1_description.checks.report import FileResult, outcome_text
 from g1_description.checks.thresholds import Level, Thresholds
 from g1_description.checks.thresholds_file import read_thresholds
-from g1_description.robot.launch_arguments import ENGINES
+from g1_description.choices import ENGINES
 from g1_description.robot.urdf import parse_urdf
 from g1_description.sim.rollout import Conditions, rollout
 

@@ -15,6 +15,7 @@ from g1_description.checks.rules.limits import POSITION, VELOCITY
 from g1_description.checks.thresholds import Level, Thresholds
 from g1_description.checks.thresholds_file import read_thresholds, with_thresholds
 from g1_description.checks.verdict import Finding, Verdict
+from g1_description.command_line import parse
 from g1_description.errors import ThresholdError
 
 SHIPPED = Path(__file__).parents[2] / "config" / "checks.yaml"
@@ -59,7 +60,7 @@ def thresholds_in_python(model):
 
 def thresholds_of_check(model):
     check = pytest.importorskip("g1_description.cli.check")
-    args = check.parse(check.CheckOptions, "check", [str(model), "--model", str(model)])
+    args = parse(check.CheckOptions, "check", [str(model), "--model", str(model)])
     return check.file_checker(args).checker.thresholds
 
 

@@ -17,7 +17,7 @@ from checked import ARM, POST, post_motion, write_motions
 from forked import run_forked
 from waiting import wait_for
 
-from g1_description.cli import check, start
+from g1_description.cli import check, check_options, start
 from g1_description.cli.check import MISUSE, CheckOptions
 from g1_description.cli.motion_paths import motion_files, picture_names
 from g1_description.command_line import parse
@@ -46,7 +46,7 @@ def run(*arguments):
 def refused(capsys, monkeypatch, *arguments):
     """Run the command where it is refused; return the sentence."""
     given = ["--model", "post.urdf", *arguments]
-    monkeypatch.setattr(check, "own_arguments", lambda: given)
+    monkeypatch.setattr(check_options, "own_arguments", lambda: given)
     with pytest.raises(SystemExit) as end:
         check.main()
     assert end.value.code == MISUSE

@@ -12,7 +12,16 @@ from layers import Layers, package_of
 SOURCE = Path(__file__).parents[2] / "src" / "g1_description"
 LAYERS = Layers(SOURCE)
 
-TOP = {"errors", "text", "bounds", "former", "interrupts", "command_line", "threads"}
+TOP = {
+    "errors",
+    "text",
+    "bounds",
+    "choices",
+    "former",
+    "interrupts",
+    "command_line",
+    "threads",
+}
 """Modules that lie in no package, below all of these."""
 
 ROBOT = {"files", "robot"}

@@ -8,7 +8,7 @@ import re
 
 from conftest import REPOSITORY
 
-from g1_description.robot.profile import DEFAULT
+from g1_description.choices import DEFAULT
 from g1_description.robot.urdf import parse_urdf
 
 G1 = parse_urdf((REPOSITORY / "urdf" / "g1_29dof.urdf").read_text())

@@ -10,7 +10,7 @@ import numpy as np
 from g1_description.msg import MotorCommands, MotorStates
 from rosgraph_msgs.msg import Clock
 
-from g1_description.robot.launch_arguments import ENGINES
+from g1_description.choices import ENGINES
 from g1_description.robot.lumping import lump_fixed_joints
 from g1_description.sim.rollout import Conditions, rollout
 from g1_description.sim.world import World

@@ -17,6 +17,7 @@ from sensor_msgs.msg import JointState
 
 from g1_description.checks.checker import Checker
 from g1_description.checks.verdict import Finding, Verdict
+from g1_description.choices import ZERO
 from g1_description.collisions.self_collisions import SelfCollisions
 from g1_description.errors import (
     G1DescriptionError,
@@ -27,7 +28,7 @@ from g1_description.ik.inverse_kinematics import IkOptions, InverseKinematics
 from g1_description.msg import Finding as FindingMessage
 from g1_description.robot.arrays import as_array
 from g1_description.robot.description import Description
-from g1_description.robot.poses import ZERO, Pose, pose_positions
+from g1_description.robot.poses import Pose, pose_positions
 from g1_description.robot.state import RobotState
 from g1_description.robot.transform import IDENTITY
 from g1_description.ros.conversions import (

@@ -22,16 +22,18 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Callable, Union
+from typing import TYPE_CHECKING, Any, Callable, Union
 
-from g1_description.checks.checker import Checker
 from g1_description.checks.report import NO_MOTION, NOT_READ, FileResult
-from g1_description.checks.verdict import Verdict
 from g1_description.errors import G1DescriptionError, MotionError, NoMotionError, cause
 from g1_description.motion.files.formats import read_motion
 from g1_description.motion.files.source import USUAL, ReadOptions
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
+
+if TYPE_CHECKING:
+    from g1_description.checks.checker import Checker
+    from g1_description.checks.verdict import Verdict
 
 Reader = Callable[[Path, Description, ReadOptions], Motion]
 """Reads a motion as ``read_motion`` does."""

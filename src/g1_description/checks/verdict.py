@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from g1_description.checks.measured import Measured
 from g1_description.former import former
+
+if TYPE_CHECKING:
+    from g1_description.checks.measured import Measured
 
 FAILED, WARNING, PASSED = "failed", "warning", "passed"
 

@@ -16,13 +16,14 @@ from tempfile import TemporaryDirectory
 from g1_description.checks.batch import FileChecker, Task
 from g1_description.checks.comparison import Comparison, compare
 from g1_description.checks.report import (
-    COLUMNS,
+    FIRST_COLUMNS,
     NOT_READ,
     FileResult,
     csv_text,
     json_text,
     table,
 )
+from g1_description.cli.check_options import STDOUT
 from g1_description.cli.motion_paths import MotionFiles, motion_files, picture_names
 from g1_description.command_line import say
 from g1_description.errors import G1DescriptionError, InvalidValueError
@@ -32,8 +33,6 @@ from g1_description.motion.paths import split
 from g1_description.motion.selection import EXCLUDE, UNDECIDED, Choice, Selection
 from g1_description.render.page import write_page
 from g1_description.robot.description import Description
-
-STDOUT = "-"
 
 OTHER_PICTURES = (".jpg", ".jpeg", ".gif", ".svg", ".pdf")
 
@@ -64,7 +63,7 @@ class ReportPlaces:
 
 def _is_report(name: str) -> bool:
     """Return whether a file is a table of this command, or does not exist."""
-    begin = ",".join(COLUMNS[:2]).encode()
+    begin = ",".join(FIRST_COLUMNS[:2]).encode()
     try:
         with open(name, "rb") as file:
             return file.read(len(begin)) == begin

@@ -10,6 +10,7 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
+from g1_description.choices import DEFAULT
 from g1_description.collisions.allowed_pairs import (
     REASONS,
     USER,
@@ -23,7 +24,6 @@ from g1_description.collisions.find_pairs import NEAR, SAMPLES, find_allowed_pai
 from g1_description.command_line import argument, option, parse, say, within
 from g1_description.errors import G1DescriptionError
 from g1_description.robot.load import read_description
-from g1_description.robot.profile import DEFAULT
 
 MAX_SEED = 2**32 - 1
 

@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 
-from g1_description.api import Robot
 from g1_description.bridge.recorded_file import WRITERS
 from g1_description.checks.batch import (
     Content,
@@ -59,6 +58,7 @@ from g1_description.motion.motion import Motion
 from g1_description.motion.paths import split
 from g1_description.motion.selection import Selection
 from g1_description.robot.description import Description
+from g1_description.robot.load import read_description
 from g1_description.text import listed
 
 JITTER = 1e-3
@@ -221,7 +221,7 @@ def run(args: Reading) -> int:
     repeats = isinstance(args, Join)
     files = motion_files(args.files, args.every, selection, repeats)
     tasks = files.tasks
-    robot = Robot(args.model).description
+    robot = read_description(args.model)
     args.check(robot)
     if isinstance(args, Join):
         return join(args, tasks, robot)

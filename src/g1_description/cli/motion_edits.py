@@ -28,8 +28,6 @@ from g1_description.motion.motion import Motion, fitted
 from g1_description.motion.paths import as_file, split
 from g1_description.robot.description import Description
 from g1_description.robot.poses import check_pose, find_pose, pose_positions, read_poses
-from g1_description.sim.padding import padded
-from g1_description.sim.standing import on_floor
 from g1_description.text import listed, similar_first
 
 JOINTS: Mapping[str, tuple[str, ...]] = {
@@ -354,6 +352,8 @@ class Pad(Edit):
 
     def edited(self, motion: Motion, robot: Description) -> Motion:
         """Pad it."""
+        from g1_description.sim.padding import padded  # few need meshes
+
         return padded(robot, motion, *self._poses(robot), self.seconds)
 
     def _poses(self, robot: Description) -> list[dict[str, float] | None]:
@@ -377,6 +377,8 @@ class Floor(Edit):
 
     def edited(self, motion: Motion, robot: Description) -> Motion:
         """Set it on the floor."""
+        from g1_description.sim.standing import on_floor
+
         return on_floor(robot, motion)
 
 

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from g1_description.choices import DEFAULT
 from g1_description.command_line import MAX_FPS, argument, option, positive, say, within
 from g1_description.text import similar_first
 
@@ -33,9 +34,6 @@ def namespace() -> Any:
 
 def model() -> Any:
     """Declare the robot of motions in files."""
-    # Only where it is needed: doctor must run without what reads files.
-    from g1_description.robot.profile import DEFAULT
-
     return option(f"the robot: {MODEL}", DEFAULT, str, see="[robots](robots.md)")
 
 

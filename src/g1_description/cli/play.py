@@ -10,21 +10,13 @@ import sys
 import termios
 import tty
 from contextlib import closing
-from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import rospy
 
-from g1_description.cli import options
+from g1_description.cli.play_options import PlayOptions, parsed
 from g1_description.command_line import (
-    argument,
-    number,
-    option,
-    own_arguments,
-    parse,
     say,
-    within,
 )
 from g1_description.errors import (
     G1DescriptionError,
@@ -143,8 +135,6 @@ BASE_TIMEOUT = 2.0
 REFRESH_PERIOD = 0.05
 """Period of updates of the progress, in [s]."""
 
-MAX_SPEED = 1e3
-
 TOLERANCE = 0.1
 """Largest distance of a joint from the end of its motion, in [rad] or [m]: motors have
 errors."""
@@ -154,64 +144,6 @@ END_TIME = 1_000_000_000
 
 BAR = 24
 """Length of the progress bar, in characters."""
-
-
-@dataclass(frozen=True)
-class PlayOptions:
-    """Play a motion from a file.
-
-    Space pauses and resumes, left and right step by one sample, q and Ctrl-C stop the
-    robot.
-    """
-
-    file: Path = argument("the motion", options.motion_file, metavar="FILE")
-    fps: float | None = options.fps()
-    topic: str | None = options.topic()
-    order: str | None = options.order()
-    format: str | None = options.file_format()
-    speed: float = option(
-        "playback speed relative to simulated time",
-        1.0,
-        within(1.0 / MAX_SPEED, MAX_SPEED),
-    )
-    begin: float | None = option(
-        "start time within the motion [s]",
-        None,
-        number,
-        names=("--from",),
-        metavar="TIME",
-    )
-    end: float | None = option(
-        "end time within the motion [s]",
-        None,
-        number,
-        names=("--until",),
-        metavar="TIME",
-    )
-    loop: bool = option("start again a second after the end", False)
-    lead_in: float = option(
-        "time in which the robot moves to the first sample [s]; 0: at once",
-        0.0,
-        within(0.0, 60.0),
-        metavar="SECONDS",
-    )
-    start_here: bool = option(
-        "move the motion so that it starts at the robot's position and yaw; height and "
-        "tilt stay",
-        False,
-    )
-    on_floor: bool = option(
-        "lift or lower the whole motion so that its lowest point is at height 0", False
-    )
-    anchor: str | None = options.anchor()
-    namespace: str = options.namespace()
-    base_frame: str | None = option(
-        "TF frame of the robot's base, for --start-here",
-        None,
-        str,
-        metavar="FRAME",
-        shown="base_link, in a namespace NAMESPACE/base_link",
-    )
 
 
 def notify(text: str) -> None:
@@ -386,9 +318,9 @@ def _leave(robot: RobotView, keyboard: Keyboard) -> None:
         notify(f"the robot may keep moving: {error}")
 
 
-def main() -> None:
+def main(args: PlayOptions | None = None) -> None:
     """Run the command, or exit with a message."""
-    args = parse(PlayOptions, "play", own_arguments())
+    args = args or parsed()
     try:
         play(args)
     except G1DescriptionError as error:

@@ -6,28 +6,21 @@ import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import rosgraph
 import rospy
 from sensor_msgs.msg import JointState
 
-from g1_description.cli import options
+from g1_description.choices import DEFAULT
+from g1_description.cli.pose_options import PoseOptions, parsed
 from g1_description.command_line import (
-    argument,
-    option,
-    own_arguments,
-    parse,
     say,
-    within,
 )
-from g1_description.errors import G1DescriptionError, InvalidValueError, PoseFileError
+from g1_description.errors import G1DescriptionError, PoseFileError
 from g1_description.motion.edit import minimum_jerk_trajectory
 from g1_description.robot.load import read_description
 from g1_description.robot.poses import (
-    ZERO,
     Pose,
     check_name,
     check_pose,
@@ -38,7 +31,6 @@ from g1_description.robot.poses import (
     save_pose,
     user_file,
 )
-from g1_description.robot.profile import DEFAULT
 from g1_description.robot.state import RobotState
 from g1_description.ros.lifecycle import quiet_when_closing, start_node
 from g1_description.ros.parameters import DESCRIPTION, find_parameter, read_robot
@@ -199,57 +191,8 @@ class PosedRobot(RobotView):
             self._notify(f"the robot may keep moving: {error}")
 
 
-USER_FILE = "~/.ros/g1_description/poses.yaml"
-
 DIGITS = 6
 """Decimals of saved positions."""
-
-
-@dataclass(frozen=True)
-class PoseOptions:
-    """Move a robot to a named pose, list the poses, or save one."""
-
-    name: str | None = argument(
-        "pose to go to", str, nargs="?", metavar="NAME", default=None
-    )
-    list: bool = option(
-        "list the poses of the running robot; without a master, of --model", False
-    )
-    save: str | None = option("save the current pose", None, str, metavar="NAME")
-    seconds: float = option(
-        "duration of a smooth motion in simulated time [s]; 0: set the joints at once",
-        0.0,
-        within(0.0, 3600.0),
-    )
-    anchor: str | None = options.anchor()
-    namespace: str = options.namespace()
-    file: Path | None = option("file of your own poses", None, Path, shown=USER_FILE)
-    model: str | None = option(
-        f"with --list: its robot: {options.MODEL}",
-        None,
-        str,
-        shown="the one that runs, or the default robot",
-    )
-    force: bool = option("with --save: replace a pose of that name", False)
-    about: str = option("with --save: description of the pose", "")
-
-    def __post_init__(self) -> None:
-        """Check combinations of options.
-
-        Raises:
-            InvalidValueError: If options contradict each other.
-        """
-        given = [self.name is not None, self.list, self.save is not None]
-        if sum(given) != 1:
-            raise InvalidValueError("give one of NAME, --list and --save NAME")
-        if (self.force or self.about) and self.save is None:
-            raise InvalidValueError("--force and --about need --save")
-        if self.anchor is not None and self.name is None:
-            raise InvalidValueError("--anchor needs NAME")
-        if self.model and not self.list:
-            raise InvalidValueError("--model needs --list")
-        if self.save == ZERO:
-            raise InvalidValueError(f"{ZERO} cannot be saved: it is a built-in pose")
 
 
 def list_poses(args: PoseOptions) -> None:
@@ -329,9 +272,9 @@ def _connect(args: PoseOptions) -> PosedRobot:
     return PosedRobot(args.namespace, notify)
 
 
-def main() -> None:
+def main(args: PoseOptions | None = None) -> None:
     """Run the command, or exit with a message."""
-    args = parse(PoseOptions, "pose", own_arguments())
+    args = args or parsed()
     act = list_poses if args.list else go if args.save is None else save
     try:
         act(args)

@@ -13,6 +13,7 @@ from typing import Sequence
 
 import numpy as np
 
+from g1_description.choices import DEFAULT
 from g1_description.cli import options
 from g1_description.cli.film import (
     FILMS,
@@ -46,7 +47,6 @@ from g1_description.render.scene import Scene, draw
 from g1_description.robot.description import Description
 from g1_description.robot.load import read_description
 from g1_description.robot.poses import check_limits
-from g1_description.robot.profile import DEFAULT
 from g1_description.robot.transform import IDENTITY
 from g1_description.text import listed, similar_first
 

@@ -23,6 +23,10 @@ IMPORTED = time.time_ns()
 MAX_START = 10_000_000_000
 """Longest time that rosrun and Python need until then on a busy machine, in [ns]."""
 
+WITH_OPTIONS = ("check", "play", "pose")
+"""Commands with a module ``NAME_options``, which parses the command line first: help and
+mistakes need no slow import."""
+
 AGAIN = 0.05
 """Time in [s] after which an ignored interrupt is sent again."""
 
@@ -38,11 +42,15 @@ def run(module: str, farewell: str = "interrupted.") -> None:
     sys.unraisablehook = _come_again
     # Some libraries misinterpret an interrupt during their import.
     _answer_interrupt(_end_at_once)
+    given = []
+    if module in WITH_OPTIONS:
+        options = importlib.import_module(f".{module}_options", __package__)
+        given = [options.parsed()]
     main = importlib.import_module(f".{module}", __package__).main
     _answer_interrupt(signal.default_int_handler)
     try:
         try:
-            main()
+            main(*given)
         finally:
             # Python has work to do after main that must not print a traceback.
             if signal.getsignal(signal.SIGINT) is signal.default_int_handler:

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from g1_description.bounds import MAX_PORT
 from g1_description.checks.checker import Checker
 from g1_description.checks.thresholds_file import read_thresholds
+from g1_description.choices import MAX_PORT
 from g1_description.cli import options
 from g1_description.cli.motion_paths import motion_files
 from g1_description.collisions.find_pairs import collisions_of

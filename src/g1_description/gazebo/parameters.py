@@ -6,15 +6,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from g1_description.choices import ZERO
 from g1_description.robot.assembly import Assembly
 from g1_description.robot.lumping import lump_fixed_joints
-from g1_description.robot.poses import (
-    ZERO,
-    check_pose,
-    find_pose,
-    pose_positions,
-    read_poses,
-)
+from g1_description.robot.poses import check_pose, find_pose, pose_positions, read_poses
 from g1_description.robot.rotation import from_rpy
 from g1_description.ros.parameters import NAMESPACE, check_range, read_robot
 from g1_description.sim.engine import PhysicsProperties

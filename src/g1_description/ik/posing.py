@@ -8,6 +8,7 @@ from typing import Tuple
 
 import numpy as np
 
+from g1_description.choices import ZERO
 from g1_description.collisions.self_collisions import SelfCollisions
 from g1_description.errors import InvalidValueError
 from g1_description.ik.inverse_kinematics import (
@@ -23,7 +24,6 @@ from g1_description.robot.description import Description
 from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.launch_arguments import FEET
 from g1_description.robot.poses import (
-    ZERO,
     check_pose,
     find_pose,
     fitting_poses,

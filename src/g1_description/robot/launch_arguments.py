@@ -8,17 +8,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from xml.etree import ElementTree
 
-from g1_description.bounds import MAX_PORT
+from g1_description.choices import ENGINES, MAX_PORT, PHYSICS
 from g1_description.errors import InvalidValueError, UnknownNameError
 from g1_description.files.model_files import PACKAGE, find_folder, share_folder
 from g1_description.robot.description import Description
 from g1_description.robot.profile import FILE, is_name
 from g1_description.text import listed, similar_first
-
-PHYSICS = ("kinematic", "hold", "limp")
-
-ENGINES = ("bullet", "mujoco")
-"""The physics engines; the first one is the default."""
 
 LOWEST_FOOT = "lowest_foot"
 """Anchor that is the lower one of the robot's feet."""

@@ -15,7 +15,7 @@ from g1_description.files.model_files import find_folder
 from g1_description.files.uris import with_absolute_uris
 from g1_description.files.xml import check_size, decoded
 from g1_description.robot.description import Description
-from g1_description.robot.profile import find_profile, is_profile
+from g1_description.robot.profile import Profile, find_profile, is_profile
 from g1_description.robot.urdf import parse_urdf
 
 UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
@@ -50,6 +50,12 @@ def read_model(requested: str) -> ModelText:
     Raises:
         DescriptionError: If the file cannot be read, or is not a robot.
     """
+    path, text, profile = _read_model(requested)
+    return ModelText(path, text, replace(parse_urdf(text), given_profile=profile))
+
+
+def _read_model(requested: str) -> tuple[Path, str, Profile | None]:
+    """Read a URDF; return also its file and the profile that was named."""
     profile = find_profile(requested) if is_profile(requested) else None
     if profile and not profile.model:
         raise DescriptionError(
@@ -66,8 +72,7 @@ def read_model(requested: str) -> ModelText:
             f"{path.name} is not a .xacro file and takes no arguments (got "
             f"{', '.join(arguments)})."
         )
-    description = replace(parse_urdf(text), given_profile=profile)
-    return ModelText(path, text, description)
+    return path, text, profile
 
 
 def _read(path: Path) -> str:
@@ -119,9 +124,7 @@ def _expand(path: Path, arguments: dict[str, str]) -> str:
 
 def read_description(requested: str) -> Description:
     """Return the robot of ``read_absolute``, whose meshes are found from anywhere."""
-    model = read_absolute(requested)
-    profile = model.description.given_profile
-    return replace(parse_urdf(model.text), given_profile=profile)
+    return read_absolute(requested).description
 
 
 def read_absolute(requested: str) -> ModelText:
@@ -137,13 +140,12 @@ def read_absolute(requested: str) -> ModelText:
         DescriptionError: If the file cannot be read, or is not a robot.
     """
     try:
-        model = read_model(requested)
-        file = model.path
-        text = with_absolute_uris(model.text, file.parent, find_folder, file.stem)
+        path, text, profile = _read_model(requested)
+        text = with_absolute_uris(text, path.parent, find_folder, path.stem)
+        return ModelText(path, text, replace(parse_urdf(text), given_profile=profile))
     except G1DescriptionError as error:
         why = str(error).rstrip(".")
         end = "" if why.endswith("?") else "."
         raise DescriptionError(
             f"Cannot use the model {requested}: {why}{end}"
         ) from error
-    return replace(model, text=text)

@@ -16,6 +16,7 @@ from ruamel.yaml.nodes import ScalarNode
 from ruamel.yaml.representer import RoundTripRepresenter
 from ruamel.yaml.scalarbool import ScalarBoolean
 
+from g1_description.choices import ZERO
 from g1_description.errors import (
     G1DescriptionError,
     InvalidValueError,
@@ -27,9 +28,6 @@ from g1_description.files.model_files import PACKAGE, ros_home, share_folder
 from g1_description.files.yaml import finite_number, yaml_problem
 from g1_description.robot.description import Description, Joint
 from g1_description.text import listed, similar_first
-
-ZERO = "zero"
-"""The built-in pose of every robot."""
 
 
 @dataclass(frozen=True)

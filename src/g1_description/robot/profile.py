@@ -19,9 +19,6 @@ from g1_description.files.model_files import PACKAGE, ros_home, share_folder
 from g1_description.files.yaml import YamlError, read_yaml
 from g1_description.text import listed, similar_first
 
-DEFAULT = "g1_29dof"
-"""The profile of the robot that is used if no other is given."""
-
 FILE = "robot.yaml"
 """The file of a profile's folder that makes it one."""
 

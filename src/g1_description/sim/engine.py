@@ -13,6 +13,7 @@ from importlib import import_module
 import numpy as np
 
 from g1_description.bounds import MAX_VALUE
+from g1_description.choices import ENGINES, PHYSICS
 from g1_description.errors import (
     InvalidValueError,
     NoSuchMotorsError,
@@ -21,7 +22,6 @@ from g1_description.errors import (
 )
 from g1_description.motion.motors import Motors, motors_of
 from g1_description.robot.dynamics import GRAVITY
-from g1_description.robot.launch_arguments import ENGINES, PHYSICS
 from g1_description.sim.drives import MAX_EFFORT, Drives, PdCommand
 from g1_description.sim.model import Model
 from g1_description.sim.moving_models import MovingModels, RestDetector

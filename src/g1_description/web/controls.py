@@ -11,11 +11,11 @@ import numpy as np
 
 from g1_description.bounds import MAX_VALUE
 from g1_description.checks.rule import units
+from g1_description.choices import ZERO
 from g1_description.errors import InvalidValueError
 from g1_description.robot.description import Joint, by_limb
 from g1_description.robot.launch_arguments import LOWEST_FOOT
 from g1_description.robot.poses import (
-    ZERO,
     Pose,
     check_name,
     check_pose,

@@ -24,8 +24,8 @@ from gazebo_msgs.srv import (
 )
 from std_srvs.srv import Empty
 
+from g1_description.choices import ENGINES
 from g1_description.errors import G1DescriptionError
-from g1_description.robot.launch_arguments import ENGINES
 from g1_description.robot.state import RobotState
 from g1_description.ros.connection import Connection
 from g1_description.ros.conversions import pose_from_array

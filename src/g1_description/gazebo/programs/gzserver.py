@@ -10,6 +10,7 @@ from xml.etree import ElementTree
 
 import rospy
 
+from g1_description.choices import ENGINES
 from g1_description.command_line import Ignored, OneSentenceParser, own_arguments
 from g1_description.files.model_files import (
     RESOURCE_PATH,
@@ -17,7 +18,6 @@ from g1_description.files.model_files import (
     share_folder,
 )
 from g1_description.gazebo.programs import gzclient
-from g1_description.robot.launch_arguments import ENGINES
 
 PHYSICS = {
     **dict.fromkeys(("ode", "bullet", "dart", "simbody", "mujoco"), "limp"),

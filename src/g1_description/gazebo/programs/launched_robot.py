@@ -17,6 +17,7 @@ from pathlib import Path
 from xml.parsers.expat import ExpatError
 from xmlrpc.client import Error, ServerProxy
 
+from g1_description.choices import DEFAULT, ZERO
 from g1_description.command_line import OneSentenceParser
 from g1_description.errors import (
     G1DescriptionError,
@@ -35,8 +36,8 @@ from g1_description.robot.launch_arguments import (
     words_of_parent,
 )
 from g1_description.robot.load import read_absolute
-from g1_description.robot.poses import ZERO, check_pose, find_pose, read_poses
-from g1_description.robot.profile import DEFAULT, find_profile
+from g1_description.robot.poses import check_pose, find_pose, read_poses
+from g1_description.robot.profile import find_profile
 from g1_description.robot.urdf import as_version_1_0
 from g1_description.text import listed, similar_first
 

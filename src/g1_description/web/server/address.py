@@ -7,7 +7,7 @@ import ipaddress
 import socket
 from dataclasses import dataclass
 
-from g1_description.bounds import MAX_PORT
+from g1_description.choices import MAX_PORT
 from g1_description.errors import PageServerError, cause
 
 MAX_BROWSERS = 32

@@ -1,0 +1,17 @@
+"""Names and numbers that command lines and launch files offer; it needs no library."""
+
+from __future__ import annotations
+
+PHYSICS = ("kinematic", "hold", "limp")
+
+ENGINES = ("bullet", "mujoco")
+"""The physics engines; the first one is the default."""
+
+DEFAULT = "g1_29dof"
+"""The profile of the robot that is used if no other is given."""
+
+ZERO = "zero"
+"""The pose of every robot with all joints at 0."""
+
+MAX_PORT = 2**16 - 1
+"""The largest number of a TCP port."""

@@ -1,0 +1,116 @@
+"""Running robots as the command snapshot draws them.
+
+Subscribes: robot_state (g1_description/RobotState); without a bridge joint_states
+    (sensor_msgs/JointState), /tf, /tf_static
+Reads: robot_description
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Callable
+
+import rosgraph
+import rospy
+
+from g1_description.cli.film import PlacedRobot, count, placed
+from g1_description.robot.description import Description
+from g1_description.ros.lifecycle import no_master, start_node
+from g1_description.ros.robot_view import RobotView
+from g1_description.ros.waiting import NoAnswerError, wait_until
+
+JOINTS_TIMEOUT = 10.0
+"""Longest wait for the positions of all joints, in [s]."""
+
+BASE_TIMEOUT = 2.0
+"""Longest wait for the base once the joints are known, in [s]."""
+
+CLOCK_TIMEOUT = 10.0
+"""Longest wait for the clock to advance, in [s]."""
+
+
+def watch(
+    namespaces: Sequence[str] | None,
+    film: tuple[float, float] | None,
+    notify: Callable[[str], None],
+) -> tuple[list[Description], list[list[PlacedRobot]]]:
+    """Sample running robots.
+
+    Args:
+        namespaces: Those of the robots' topics; None: the current one.
+        film: Duration in [s] and pictures per second of ROS' clock; None: once.
+        notify: Prints a message.
+
+    Returns:
+        The robots, and all of them in each picture.
+
+    Raises:
+        NoAnswerError: If there is no master, it is lost, or no states of a robot.
+    """
+    if not rosgraph.is_master_online():
+        raise NoAnswerError(f"{no_master()} --model FILE draws a file without one.")
+    try:
+        start_node("snapshot", anonymous=True)
+        names = namespaces or [rospy.get_namespace()]
+        views = [RobotView(name.strip("/"), notify) for name in names]
+        for view in views:
+            wait_until(lambda view=view: not view.missing, JOINTS_TIMEOUT)
+            if view.missing and not view.positions:
+                raise NoAnswerError(
+                    f"There were no joint states of '{view.description.name}' on "
+                    f"{view.topic} within {JOINTS_TIMEOUT:g} s; is the bridge running "
+                    "and time unpaused?"
+                )
+            wait_until(lambda view=view: _has_base(view), BASE_TIMEOUT)
+            name, lost = view.description.name, ", ".join(view.missing)
+            if lost:
+                notify(f"unknown positions of '{name}', drawn at 0: {lost}.")
+            if not _has_base(view):
+                notify(
+                    f"{view.no_base}: '{name}' is drawn with its root at the origin."
+                )
+        moments = record(views, *film) if film else [now(views)]
+        for view in views:  # drawing needs the processor
+            view.close()
+    except rospy.ROSInterruptException:
+        raise
+    except (OSError, rospy.ROSException, rosgraph.MasterException) as error:
+        raise NoAnswerError(f"lost the connection to the master: {error}.") from error
+    return [view.description for view in views], moments
+
+
+def _has_base(view: RobotView) -> bool:
+    """Return whether the pose of a robot's base is known."""
+    state = view.state
+    return state is not None and state.base_pose is not None
+
+
+def record(
+    views: Sequence[RobotView], seconds: float, fps: float
+) -> list[list[PlacedRobot]]:
+    """Sample the states of robots; a reset does not set the elapsed time back."""
+    last, passed, found = rospy.get_time(), 0.0, []
+
+    def has_advanced() -> bool:
+        return rospy.get_time() != last
+
+    for n in range(count(seconds, fps)):
+        while passed < n / fps:
+            if not wait_until(has_advanced, CLOCK_TIMEOUT):
+                raise NoAnswerError(
+                    f"The clock did not advance for {CLOCK_TIMEOUT:g} s (it is at "
+                    f"{last:g} s); is time paused?"
+                )
+            before, last = last, rospy.get_time()
+            passed += max(0.0, last - before)
+        found.append(now(views))
+    return found
+
+
+def now(views: Sequence[RobotView]) -> list[PlacedRobot]:
+    """Return the current states of robots."""
+    states = [(view, view.state) for view in views]
+    return [
+        placed(view.description, state and state.base_pose, view.positions)
+        for view, state in states
+    ]
