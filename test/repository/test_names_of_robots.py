@@ -11,8 +11,8 @@ from conftest import REPOSITORY
 from g1_description.choices import DEFAULT
 from g1_description.robot.urdf import parse_urdf
 
-G1 = parse_urdf((REPOSITORY / "urdf" / "g1_29dof.urdf").read_text())
-NAMES = (*G1.link_names, *(joint.name for joint in G1.joints))
+G1S = [parse_urdf(file.read_text()) for file in (REPOSITORY / "urdf").glob("*.urdf")]
+NAMES = {n for g1 in G1S for n in (*g1.link_names, *(j.name for j in g1.joints))}
 FORMATS = REPOSITORY / "src" / "g1_description" / "motion" / "files"
 FOLDERS = ("src", "launch", "scripts", "rviz", "cmake", "interfaces")
 

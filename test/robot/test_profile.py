@@ -79,7 +79,7 @@ def test_the_g1_of_23_joints_has_the_poses_that_need_no_more(name):
     found = {pose.name for pose in read_poses(robot).values() if fits(pose, robot)}
     assert found == {*read_poses(G1)} - {"squat"}
     assert motors_of(robot).of("left_knee_joint").effort == 139.0
-    assert robot.profile.collisions is None
+    assert robot.profile.collisions.parent.name == "g1_23dof"
 
 
 def test_the_revision_is_like_the_g1():
@@ -174,12 +174,13 @@ def test_an_unknown_name_is_told_with_those_that_are_known():
         read_description("h1")
 
 
-def test_a_profile_without_a_urdf_needs_the_users():
+def test_a_profile_without_a_urdf_needs_the_users(add):
+    add("mine", "names: [strider]\n")
     with pytest.raises(DescriptionError) as error:
-        Robot("g1_23dof")
+        Robot("mine")
     assert str(error.value) == (
-        "Cannot use the model g1_23dof: the profile g1_23dof names no URDF; give the "
-        "robot's own file instead, such as /path/to/g1_23dof.urdf."
+        "Cannot use the model mine: the profile mine names no URDF; give the "
+        "robot's own file instead, such as /path/to/strider.urdf."
     )
 
 
