@@ -214,6 +214,32 @@ def test_files_for_training_have_the_bodies_in_the_order_of_the_joints(
     assert arrays["body_lin_vel_w"].shape == arrays["body_ang_vel_w"].shape
 
 
+@pytest.mark.parametrize(
+    ("made_for", "name"),
+    [
+        ("g1_29dof_rev_1_0", "npz"),
+        ("g1_29dof_rev_1_0", "mjlab"),
+        ("g1_29dof_rev_1_0", "whole_body_tracking"),
+        ("g1_29dof_rev_1_0", "holomotion"),
+        ("g1_23dof", "mjlab"),
+    ],
+)
+def test_bodies_name_the_robot_that_they_fit(tmp_path, made_for, name):
+    robot = read_model(made_for).description
+    motion = a_motion(2).arranged([joint.name for joint in robot.movable_joints])
+    write_motion(tmp_path / "a.npz", motion, robot, name=name)
+    own, (other,) = (
+        [n for n in read_motion(tmp_path / "a.npz", r).notes if "bodies in the" in n]
+        for r in (robot, G1)
+    )
+    assert own == []
+    assert other.startswith("The bodies in the file are up to 0.0")
+    assert other.endswith(
+        f" m off those of g1_29dof, and fit {made_for}: the motion is made for it; use "
+        f"--model {made_for} or robot:={made_for}."
+    )
+
+
 def test_what_a_file_cannot_hold_is_told(tmp_path):
     motion = a_motion(3)
     part = Motion(

@@ -130,6 +130,11 @@ def user_folder() -> Path:
     return ros_home() / PACKAGE / "robots"
 
 
+def package_profiles() -> list[str]:
+    """Return the folders of the package's profiles."""
+    return [str(file.parent) for file in sorted(_package_folder().glob(f"*/{FILE}"))]
+
+
 def _package_folder() -> Path:
     """Return the folder of the package's profiles."""
     return share_folder() / "config" / "robots"

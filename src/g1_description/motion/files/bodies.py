@@ -8,7 +8,8 @@ say how a file has to be read, also where the robot lies.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -21,6 +22,8 @@ from g1_description.motion.files.conventions import (
 from g1_description.motion.files.source import MotionSource
 from g1_description.robot.description import Description
 from g1_description.robot.kinematics import Kinematics
+from g1_description.robot.load import read_description
+from g1_description.robot.profile import package_profiles
 from g1_description.robot.transform import IDENTITY, compose
 
 BODY_MISMATCH = 0.002
@@ -44,6 +47,10 @@ ORDER_FITS = "Base quaternions are read as {}: only then do the bodies in the fi
 BODY_FITS = (
     "The base is body {} in the file, counted from 0: only then do the bodies fit."
 )
+
+FITS = ", and fit {0}: the motion is made for it; use --model {0} or robot:={0}."
+
+OTHER_ROBOT = ": the motion may be for another robot or version."
 
 WORLD = (
     "The first body in the file stays at the origin: it is read as the base, but is "
@@ -141,14 +148,17 @@ def find_base(
             places, turns = base
         return base_of(places[rows], turns[rows], reading.order)
 
-    kinematics = Kinematics(robot)
     still = np.tile(IDENTITY, (len(compared), 1))
-    errors = []
-    for reading in readings:
-        joints = of_robot(reading.names, positions[compared], robot)
+
+    def deviation(reading: _Reading, kinematics: Kinematics, of: Description) -> float:
+        """Return how far bodies are off a robot's links, in [m]."""
+        joints = of_robot(reading.names, positions[compared], of)
         T_base_links = kinematics.link_poses(still, joints)
         links = compose(poses(reading, compared)[:, np.newaxis], T_base_links)
-        errors.append(_deviation(reading, links, bodies.places[compared], robot))
+        return _deviation(reading, links, bodies.places[compared], of)
+
+    kinematics = Kinematics(robot)
+    errors = [deviation(reading, kinematics, robot) for reading in readings]
     first = readings[0]
     usual = [
         number
@@ -173,14 +183,33 @@ def find_base(
     is_known = fits or (_is_whole(bodies, positions) and error < np.inf)
     is_known &= {*chosen.names} <= own
     if is_known and not fits:
-        notes.append(
-            f"The bodies in the file are up to {error:.3f} m off those of "
-            f"{robot.name}: the motion may be for another robot or version."
+        fitting = [
+            other.name
+            for other, kinematics in _package_robots(frozenset(chosen.names))
+            for root, links in _layouts(other, bodies, chosen.names)
+            if root == chosen.root
+            and deviation(replace(chosen, links=links), kinematics, other)
+            <= BODY_MISMATCH
+        ]
+        off = (
+            f"The bodies in the file are up to {error:.3f} m off those of {robot.name}"
         )
+        notes.append(f"{off}{FITS.format(*fitting) if fitting else OTHER_ROBOT}")
     found = poses(chosen, np.arange(n_samples))
     if not fits and bodies.places.any() and not found[:, :3].any():
         notes.append(WORLD)
     return FoundBase(found, chosen.names, is_known, tuple(notes))
+
+
+@lru_cache(maxsize=8)
+def _package_robots(names: frozenset[str]) -> list[tuple[Description, Kinematics]]:
+    """Read the robots of the package that have these joints."""
+    robots = [read_description(folder) for folder in package_profiles()]
+    return [
+        (robot, Kinematics(robot))
+        for robot in robots
+        if names <= {joint.name for joint in robot.movable_joints}
+    ]
 
 
 def _is_whole(bodies: Bodies, positions: np.ndarray) -> bool:
