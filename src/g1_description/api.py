@@ -791,11 +791,8 @@ class Robot:
 
         conditions = None
         if physics:
-            conditions = Conditions(
-                motors=motors_of(self.description),
-                engine=engine,
-                fixed_base=fixed_base,
-            )
+            motors_of(self.description)  # a wrong file is refused at once
+            conditions = Conditions(engine=engine, fixed_base=fixed_base)
         usual = self._usual_checker if visual_hulls else None
         shapes = usual.collisions if usual else self._shapes(visual_hulls=False)
         limits = _thresholds(thresholds)

@@ -123,3 +123,6 @@ def test_the_standing_pose_of_a_variant_passes(name):
     standing = robot.on_floor(motion)
     assert standing.base_poses[0, 2] == pytest.approx(0.764, abs=1e-3)
     assert robot.check(standing).findings == ()
+    simulated = robot.checker(physics=True).check(standing)
+    assert simulated.findings == ()
+    assert "patterns" not in " ".join(simulated.notes)

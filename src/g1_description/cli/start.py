@@ -24,8 +24,8 @@ MAX_START = 10_000_000_000
 """Longest time that rosrun and Python need until then on a busy machine, in [ns]."""
 
 WITH_OPTIONS = ("check", "play", "pose")
-"""Commands with a module ``NAME_options``, which parses the command line first: help and
-mistakes need no slow import."""
+"""Commands with a module ``NAME_options``, which parses the command line first: help
+and mistakes need no slow import."""
 
 AGAIN = 0.05
 """Time in [s] after which an ignored interrupt is sent again."""

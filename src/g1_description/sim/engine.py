@@ -22,6 +22,7 @@ from g1_description.errors import (
 )
 from g1_description.motion.motors import Motors, motors_of
 from g1_description.robot.dynamics import GRAVITY
+from g1_description.robot.profile import is_profile
 from g1_description.sim.drives import MAX_EFFORT, Drives, PdCommand
 from g1_description.sim.model import Model
 from g1_description.sim.moving_models import MovingModels, RestDetector
@@ -202,9 +203,9 @@ class Engine(ABC):
             return ()
         motors, notes = self._motors_of(model)
         profile = model.assembly.description.profile
-        file = profile.motors
+        folder = profile.motors and profile.motors.parent
         # A profile may be like another one, whose robot has more joints.
-        is_own = file is not None and profile.name in ("", file.parent.name)
+        is_own = folder and (folder.name == profile.name or not is_profile(str(folder)))
         if is_own or isinstance(self._given_motors, Motors):
             notes += _unused(motors, model)
         self._drives[model.name] = Drives(model, motors)
