@@ -41,4 +41,4 @@ def test_nothing_but_the_profile_names_a_joint_or_link_of_the_g1():
 
 def test_the_default_robot_is_named_in_one_place():
     found = places(rf'"[^"\n]*\b{DEFAULT}\b[^"\n]*"', *FOLDERS)
-    assert found == [f'src/g1_description/robot/profile.py: "{DEFAULT}"']
+    assert found == [f'src/g1_description/choices.py: "{DEFAULT}"']
