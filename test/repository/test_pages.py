@@ -35,6 +35,7 @@ FOREIGN_NODES = {("dynamic_reconfigure", "dynparam"), ("tf", "tf_echo")}
 FOREIGN = {
     "cd",
     "cp",
+    "docker",
     "git",
     "source",
     "catkin_make",
@@ -153,6 +154,8 @@ def wrong(words):
         return wrong_launch(words[1:], 2)
     if program == "rosrun":
         return wrong_run(words[1:])
+    if program == "g1":  # those of rosrun that need no ROS
+        return wrong_run(["g1_description", *words[1:]])
     if program == "rosservice":
         return wrong_service(words[1:])
     return [] if program in FOREIGN else [words[0]]
