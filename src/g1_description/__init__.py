@@ -35,13 +35,9 @@ def __getattr__(name: str) -> Any:
     try:
         module = importlib.import_module(f"{__name__}.{PUBLIC[name]}")
     except ModuleNotFoundError as error:
-        lacks = (
-            f"g1_description.{name} needs {error.name}, which {sys.executable} lacks"
-        )
-        fix = ": it needs ROS. Source the workspace and use /usr/bin/python3."
-        if name == "Robot":
-            fix = ". Install the package with pip, or use the Python of ROS."
-        raise ImportError(lacks + fix) from error
+        from .libraries import missing
+
+        raise ImportError(missing(f"{__name__}.{name}", error)) from error
     return getattr(module, name)
 
 

@@ -8,9 +8,11 @@ import sys
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, fields
-from typing import Any, Callable, TextIO, TypeVar
+from pathlib import Path
+from typing import Any, Callable, NoReturn, TextIO, TypeVar
 
-from g1_description.errors import InvalidValueError
+from g1_description.errors import G1DescriptionError, InvalidValueError
+from g1_description.libraries import missing
 from g1_description.text import did_you_mean
 
 Options = TypeVar("Options")
@@ -18,6 +20,12 @@ Options = TypeVar("Options")
 MAX_FPS = 1e6
 """Largest number of samples per second of a motion."""
 
+
+MISUSE = 2
+"""Exit code where a command line is wrong, or a command cannot do its work."""
+
+DISPATCHERS = ("g1", "g1-description")
+"""Programs that take the name of a command first."""
 
 FORMER = {"to": "until"}
 """Names of options by those of 1.0."""
@@ -150,16 +158,21 @@ def arguments_of(options: type[Any]) -> dict[str, Argument]:
     return {known.name: known.metadata["argument"] for known in fields(options)}
 
 
-def parser(options: type[Any], command: str, misuse: int = 1) -> OneSentenceParser:
+def entered(command: str = "") -> str:
+    """Return a command as it is entered: ``g1 check``, or ``check`` after rosrun."""
+    own = Path(sys.argv[0]).stem
+    return f"{own if own in DISPATCHERS else ''} {command}".strip()
+
+
+def parser(options: type[Any], command: str) -> OneSentenceParser:
     """Make a parser from a command's dataclass; its docstring is the description.
 
     Args:
         options: The dataclass.
         command: Name of the command.
-        misuse: Exit code if the command line is wrong.
     """
-    made = OneSentenceParser(prog=command, description=options.__doc__)
-    made.misuse = misuse
+    made = OneSentenceParser(prog=entered(command), description=options.__doc__)
+    made.misuse = MISUSE
     for name, declared in arguments_of(options).items():
         given = dict(declared.given)
         if not declared.is_positional:
@@ -182,7 +195,6 @@ def parse(
     options: type[Options],
     command: str,
     words: Sequence[str] | None = None,
-    misuse: int = 1,
 ) -> Options:
     """Parse a command line; exit with a message if it is wrong.
 
@@ -191,15 +203,27 @@ def parse(
             for options that cannot be combined.
         command: Name of the command.
         words: The command line; by default the program's own.
-        misuse: Exit code if it is wrong.
     """
-    reader = parser(options, command, misuse)
+    reader = parser(options, command)
     given = vars(reader.parse_args(words))
     try:
         return options(**given)
     except InvalidValueError as error:
         reader.error(str(error).rstrip("."))
         raise
+
+
+def refuse(
+    command: str, error: G1DescriptionError | OSError | ModuleNotFoundError
+) -> NoReturn:
+    """Print why a command cannot do its work, and exit."""
+    text = f"{command}: {error}"
+    if isinstance(error, OSError):
+        text = f"{command}: {error.filename or 'output'}: {error.strerror or error}."
+    elif isinstance(error, ModuleNotFoundError):
+        text = missing(command, error)
+    say(text, sys.stderr)
+    sys.exit(MISUSE)
 
 
 def own_arguments() -> list[str]:

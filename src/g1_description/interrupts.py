@@ -7,8 +7,23 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+_NAMES = ("SIGINT", "SIGTERM", "SIGHUP")
+
+ENDING_SIGNALS = tuple(getattr(signal, n) for n in _NAMES if hasattr(signal, n))
 """Signals that end programs: Ctrl-C, ``kill``, and a terminal that is closed."""
+
+
+@contextmanager
+def without_interrupts() -> Iterator[None]:
+    """Start processes that never receive Ctrl-C, where a system can do so."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""What a Python without ROS, or without what pip installs, is told."""
+"""The sentence where ROS, or a library that pip installs, is missing."""
 
 import subprocess
 import sys
@@ -10,7 +10,7 @@ import pytest
     ("name", "missing", "words"),
     [
         ("Client", "rospy", "it needs ROS. Source the workspace and use"),
-        ("Robot", "numpy", "Install the package with pip, or use the Python of ROS."),
+        ("Robot", "numpy", "-m pip install "),
     ],
 )
 def test_a_missing_module_is_told_with_what_to_do(name, missing, words):

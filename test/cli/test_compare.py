@@ -14,8 +14,8 @@ pytest.importorskip("rospy", reason="rospy is not installed")
 from checked import POST, post_motion
 
 from g1_description.cli import check
-from g1_description.cli.check import MISUSE, CheckOptions
-from g1_description.command_line import parse
+from g1_description.cli.check import CheckOptions
+from g1_description.command_line import MISUSE, parse
 from g1_description.motion.files import table
 
 
@@ -34,7 +34,7 @@ def folder(tmp_path, monkeypatch):
 
 
 def run(*words):
-    return check.check(parse(CheckOptions, "check", [*words], MISUSE))
+    return check.check(parse(CheckOptions, "check", [*words]))
 
 
 def test_one_execution_is_compared_in_full(folder, capsys):

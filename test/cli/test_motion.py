@@ -41,7 +41,7 @@ def refused(capsys, monkeypatch, *arguments):
     monkeypatch.setattr(motion, "own_arguments", lambda: [*arguments])
     with pytest.raises(SystemExit) as end:
         motion.main()
-    assert end.value.code == 1
+    assert end.value.code == 2
     output = capsys.readouterr()
     assert output.out == ""
     (line,) = output.err.splitlines()

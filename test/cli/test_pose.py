@@ -39,7 +39,7 @@ from g1_description.errors import PoseFileError
 def test_a_wrong_command_line_ends_with_a_sentence(words, told, capsys):
     with pytest.raises(SystemExit) as ended:
         parse(PoseOptions, "pose", words)
-    assert ended.value.code == 1
+    assert ended.value.code == 2
     output, errors = capsys.readouterr()
     assert told in errors
     assert (output, len(errors.splitlines())) == ("", 1)

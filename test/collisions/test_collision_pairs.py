@@ -222,7 +222,7 @@ def test_the_command_writes_a_file_and_keeps_what_is_by_hand(command, tmp_path):
 )
 def test_a_wrong_command_line_is_told(command, arguments, sentence):
     run = command(*arguments)
-    assert (run.returncode, run.stdout) == (1, "")
+    assert (run.returncode, run.stdout) == (2, "")
     assert run.stderr.startswith("collision_pairs: ")
     assert sentence in run.stderr
     assert run.stderr.count("\n") == 1

@@ -540,7 +540,7 @@ def test_a_mistake_is_answered_with_one_sentence(
     if "r.urdf" in arguments:
         (tmp_path / "r.urdf").write_text(robot(""))
     run = run_script(REPOSITORY / "scripts" / "import_model", *arguments)
-    assert run.returncode == 1
+    assert run.returncode == 2
     told = run.stderr
     assert told.startswith("import_model: ")
     assert told.count("\n") == 1

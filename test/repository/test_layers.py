@@ -19,6 +19,7 @@ TOP = {
     "choices",
     "former",
     "interrupts",
+    "libraries",
     "command_line",
     "threads",
 }

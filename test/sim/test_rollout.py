@@ -346,9 +346,8 @@ def refusal_of_mujoco(monkeypatch):
 
 def test_an_engine_that_is_not_installed_is_told_with_what_to_do(monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
-    assert refusal_of_mujoco(monkeypatch) == (
-        "The engine mujoco needs mujoco, which is not installed; to install it, run: "
-        "pip install mujoco==3.2.3"
+    assert refusal_of_mujoco(monkeypatch).startswith(
+        "The engine mujoco needs mujoco; install it with: "
     )
     with pytest.raises(UnknownNameError, match="'ode'; must be one of bullet, mujoco"):
         Conditions(engine="ode")
@@ -359,8 +358,7 @@ def test_an_engine_whose_library_is_broken_is_told(monkeypatch, tmp_path):
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.delitem(sys.modules, "mujoco", False)
     assert refusal_of_mujoco(monkeypatch) == (
-        "The engine mujoco needs mujoco, which is broken (libmujoco.so: bad ELF); to "
-        "install it, run: pip install mujoco==3.2.3"
+        "The library of the engine mujoco is broken: libmujoco.so: bad ELF."
     )
 
 

@@ -81,8 +81,7 @@ def refused(monkeypatch, capsys):
             web.main()
         output, errors = capsys.readouterr()
         assert output == ""
-        if end.value.code != 1:
-            errors += end.value.code
+        assert end.value.code == 2
         (line,) = errors.splitlines()
         assert line.startswith("web: ")
         return line
@@ -122,7 +121,8 @@ def test_a_port_that_is_taken_is_told(refused):
         (["--motion", "none.csv"], "none.csv"),
         (["--motion", DATA / "elbow.csv", "--model", ROBOT], "left_elbow_joint"),
         (["--model", "none.urdf"], "none.urdf"),
-        ([DATA / "elbow.csv", "--model", ROBOT], "elbow.csv is not a folder"),
+        (["none.csv", "--model", ROBOT], "none.csv does not exist"),
+        ([DATA / "elbow.csv", "--model", ROBOT], "left_elbow_joint"),
         (["--port", "70000"], "must be a whole number from 0 to 65535"),
         (["--thresholds", DATA / "elbow.csv", "--model", ROBOT], "elbow.csv"),
         (["--host", "no.host.invalid", "--model", ROBOT], "'no.host.invalid'"),
@@ -138,7 +138,7 @@ def test_what_it_cannot_show_is_refused_in_a_sentence(refused, arguments, words)
     [
         (["--compare", "one.csv"], "--compare"),
         (["--motion", "a.csv", "--compare", "a.csv", "b.csv"], "cannot be combined"),
-        (["motions", "--read-only"], "FOLDER cannot be combined with --motion"),
+        ([".", "--read-only"], "FOLDER cannot be combined with --motion"),
         (["--report", "a.csv"], "--report and --selection need a FOLDER"),
         (["--fps", "0"], "--fps: must be greater than 0"),
         (["--port", "http"], "--port"),
@@ -147,14 +147,14 @@ def test_what_it_cannot_show_is_refused_in_a_sentence(refused, arguments, words)
 def test_wrong_options_are_told(arguments, words, capsys):
     with pytest.raises(SystemExit) as end:
         parse(WebOptions, "web", arguments)
-    assert end.value.code == 1
+    assert end.value.code == 2
     assert words in capsys.readouterr().err
 
 
 def test_it_shows_until_ctrl_c_also_while_somebody_looks_and_begins_again(tmp_path):
     robot, motion = tmp_path / "arm.urdf", DATA / "elbow.csv"
     robot.write_text(ARM)
-    arguments = "--model", robot, "--motion", motion, "--port", 0, "--read-only"
+    arguments = motion, "--model", robot, "--port", 0, "--read-only"
     with opened(*arguments) as (process, address), PageClient(address) as client:
         client.wait_until_whole()
         with urlopen(address, timeout=DEADLINE) as page:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import multiprocessing
 import os
 import pickle
-import signal
 import threading
 import traceback
 from abc import ABC, abstractmethod
@@ -26,6 +25,7 @@ from typing import TYPE_CHECKING, Any, Callable, Union
 
 from g1_description.checks.report import NO_MOTION, NOT_READ, FileResult
 from g1_description.errors import G1DescriptionError, MotionError, NoMotionError, cause
+from g1_description.interrupts import without_interrupts
 from g1_description.motion.files.formats import read_motion
 from g1_description.motion.files.source import USUAL, ReadOptions
 from g1_description.motion.motion import Motion
@@ -208,13 +208,9 @@ class Processes(Here):
 
     def submit(self, task: Task) -> Future[FileResult]:
         """Begin to check a file; the first calls start the processes."""
-        # A terminal sends Ctrl-C to all processes. Those that are started while it is
-        # blocked never receive it: this one ends them.
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        try:
+        # A terminal sends Ctrl-C to all processes: this one ends the others.
+        with without_interrupts():
             return self._pool.submit(_check_file, task.name, task.path)
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
     def restart(self) -> None:
         """Begin again after a process died."""

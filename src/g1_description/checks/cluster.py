@@ -30,6 +30,7 @@ from g1_description.checks.report import FileResult
 from g1_description.errors import ClusterError, MotionError, cause
 from g1_description.files.model_files import find_folder
 from g1_description.files.uris import local_path
+from g1_description.libraries import missing
 from g1_description.motion.files import bag
 from g1_description.motion.files.formats import has_neighbours, read_motion
 from g1_description.motion.files.source import MotionSource
@@ -250,9 +251,6 @@ def _library() -> Any:
         import distributed
         import distributed.comm
         import distributed.scheduler
-    except ImportError as error:
-        raise ClusterError(
-            f"--dask needs the library {LIBRARY}, which is not installed: "
-            "pip install distributed==2023.5.0."
-        ) from error
+    except ModuleNotFoundError as error:
+        raise ClusterError(missing("--dask", error)) from error
     return distributed

@@ -27,7 +27,7 @@ from g1_description.checks.report import (
 )
 from g1_description.checks.verdict import FAILED
 from g1_description.choices import ENGINES
-from g1_description.cli.check_options import MISUSE, STDOUT, CheckOptions, parsed
+from g1_description.cli.check_options import STDOUT, CheckOptions, parsed
 from g1_description.cli.check_reports import (
     ReportPlaces,
     Reports,
@@ -42,7 +42,7 @@ from g1_description.cli.motion_paths import (
 )
 from g1_description.cli.progress import Printer
 from g1_description.cli.start import INTERRUPTED
-from g1_description.command_line import say
+from g1_description.command_line import MISUSE, refuse, say
 from g1_description.errors import ClusterError, G1DescriptionError
 from g1_description.motion import selection as selections
 from g1_description.motion.files.formats import ENDINGS
@@ -222,8 +222,6 @@ def main(args: CheckOptions | None = None) -> None:
     """Run the command, or exit with a message."""
     args = args or parsed()
     try:
-        code = watch(args) if args.watch else check(args)
+        sys.exit(watch(args) if args.watch else check(args))
     except (G1DescriptionError, OSError) as error:
-        notify(str(error))
-        code = MISUSE
-    sys.exit(code)
+        refuse("check", error)

@@ -13,9 +13,6 @@ from g1_description.command_line import number, option, own_arguments, parse
 from g1_description.errors import InvalidValueError
 from g1_description.text import listed, similar_first
 
-MISUSE = 2
-"""Exit code for a wrong command line or a file that cannot be checked."""
-
 STDOUT = "-"
 
 REPORTS = {"json": ".json", "csv": ".csv", "html": ".html", "write_selection": ".yaml"}
@@ -201,4 +198,4 @@ class CheckOptions:
 
 def parsed() -> CheckOptions:
     """Parse the command line; exit with a message if it is wrong."""
-    return parse(CheckOptions, "check", own_arguments(), MISUSE)
+    return parse(CheckOptions, "check", own_arguments())

@@ -21,7 +21,7 @@ from g1_description.collisions.allowed_pairs import (
     write_allowed_pairs,
 )
 from g1_description.collisions.find_pairs import NEAR, SAMPLES, find_allowed_pairs
-from g1_description.command_line import argument, option, parse, say, within
+from g1_description.command_line import argument, option, parse, refuse, say, within
 from g1_description.errors import G1DescriptionError
 from g1_description.robot.load import read_description
 
@@ -115,5 +115,5 @@ def main() -> None:
     args = parse(PairsOptions, "collision_pairs")
     try:
         run(args)
-    except G1DescriptionError as error:
-        sys.exit(f"collision_pairs: {error}")
+    except (G1DescriptionError, OSError) as error:
+        refuse("collision_pairs", error)

@@ -40,7 +40,7 @@ from g1_description.cli.running_system import (
     reason_of,
 )
 from g1_description.cli.start import is_shut_down
-from g1_description.command_line import option, parse, say
+from g1_description.command_line import option, own_arguments, parse, say
 from g1_description.text import listed
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from g1_description.cli.running_system import Heard
     from g1_description.robot.description import Description
 
-NO_FAULT, FOUND, MISUSE = 0, 1, 2
+NO_FAULT, FOUND = 0, 1
 """Exit codes."""
 
 OK, FAILED, SKIPPED = "ok", "failed", "skipped"
@@ -792,13 +792,7 @@ class DoctorOptions:
 
 def main() -> None:
     """Run the command, and exit with its code."""
-    # rospy, which removes remappings, may be missing.
-    args = parse(
-        DoctorOptions,
-        "doctor",
-        [word for word in sys.argv[1:] if ":=" not in word],
-        MISUSE,
-    )
+    args = parse(DoctorOptions, "doctor", own_arguments())
     results = []
     for result in run_checks(
         args.namespace, CHECK_NAMES[: CHECK_NAMES.index(args.until) + 1]

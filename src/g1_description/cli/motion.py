@@ -1,4 +1,4 @@
-"""The command motion: describes motions in files, and writes them edited.
+"""The command motion, which describes motions in files, converts and edits them.
 
 It needs neither a master nor a screen.
 """
@@ -37,7 +37,15 @@ from g1_description.cli.motion_edits import (
 from g1_description.cli.motion_paths import MotionFiles, motion_files, unmatched
 from g1_description.cli.progress import Printer
 from g1_description.cli.start import INTERRUPTED
-from g1_description.command_line import OneSentenceParser, own_arguments, parse, say
+from g1_description.command_line import (
+    MISUSE,
+    OneSentenceParser,
+    entered,
+    own_arguments,
+    parse,
+    refuse,
+    say,
+)
 from g1_description.errors import (
     G1DescriptionError,
     InvalidValueError,
@@ -391,15 +399,18 @@ def parsed(words: Sequence[str]) -> Reading:
     """Parse the command line; exit with a message if it is wrong."""
     if words and words[0] in COMMANDS:
         return parse(COMMANDS[words[0]], f"motion {words[0]}", words[1:])
+    program = entered("motion")
     top = OneSentenceParser(
-        prog="motion",
+        prog=program,
         description="Describe motions in files, and write them converted or edited.",
-        epilog="motion COMMAND -h lists the options of a command.",
-        usage="motion [-h] COMMAND ...",
+        epilog=f"{program} COMMAND -h lists the options of a command.",
+        usage=f"{program} [-h] COMMAND ...",
     )
+    top.misuse = MISUSE
     commands = top.add_subparsers(title="commands", metavar="COMMAND", dest="command")
     if words and words[0] in PROGRAMS:
-        own = f"rosrun g1_description {words[0]}"
+        own = entered(words[0])
+        own = own if " " in own else f"rosrun g1_description {own}"
         top.error(f"{words[0]} is a command of its own: {own}")
     for name, options in COMMANDS.items():
         commands.add_parser(name, help=str(options.__doc__).splitlines()[0])
@@ -412,8 +423,6 @@ def main() -> None:
     """Run the command, or exit with a message."""
     args = parsed(own_arguments())
     try:
-        code = run(args)
+        sys.exit(run(args))
     except (G1DescriptionError, OSError) as error:
-        notify(str(error))
-        code = 1
-    sys.exit(code)
+        refuse("motion", error)

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import math
-import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -19,7 +18,7 @@ from lxml import etree
 from g1_description.api import Robot
 from g1_description.cli import options
 from g1_description.collisions.allowed_pairs import ADJACENT
-from g1_description.command_line import argument, option, parse, say
+from g1_description.command_line import argument, option, parse, refuse, say
 from g1_description.errors import G1DescriptionError, InvalidValueError
 from g1_description.files.atomic import write_whole
 from g1_description.robot.assembly import limbs_of
@@ -336,5 +335,5 @@ def main() -> None:
     """Run the command line."""
     try:
         run(parse(MoveItOptions, "moveit_config"))
-    except G1DescriptionError as error:
-        sys.exit(f"moveit_config: {error}")
+    except (G1DescriptionError, OSError) as error:
+        refuse("moveit_config", error)

@@ -1,4 +1,4 @@
-"""The command snapshot: a picture, animation or page of a running robot or a motion.
+"""The command snapshot, which draws a running robot, or a motion.
 
 With --model or --motion, ROS is not used.
 """
@@ -31,7 +31,14 @@ from g1_description.cli.film import (
 )
 from g1_description.cli.options import MODEL
 from g1_description.cli.start import is_shut_down
-from g1_description.command_line import argument, number, option, own_arguments, parse
+from g1_description.command_line import (
+    argument,
+    number,
+    option,
+    own_arguments,
+    parse,
+    refuse,
+)
 from g1_description.errors import (
     G1DescriptionError,
     InvalidValueError,
@@ -422,7 +429,5 @@ def main() -> None:
             draw_file(args)
         else:
             draw_all(*watch_now(args), args)
-    except G1DescriptionError as error:
-        sys.exit(f"snapshot: {error}")
-    except OSError as error:
-        sys.exit(f"snapshot: {error}.")
+    except (G1DescriptionError, OSError) as error:
+        refuse("snapshot", error)

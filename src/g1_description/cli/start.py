@@ -5,6 +5,7 @@ Slow imports happen here, when signals are already handled.
 
 from __future__ import annotations
 
+import _thread
 import importlib
 import os
 import signal
@@ -12,10 +13,16 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NoReturn
+
+from g1_description.command_line import refuse
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C, as in shells."""
+
+PIPE_CLOSED = 141
+"""Exit code after SIGPIPE, as in shells."""
 
 IMPORTED = time.time_ns()
 """Wall time at which this module was imported, in [ns]."""
@@ -39,6 +46,15 @@ def run(module: str, farewell: str = "interrupted.") -> None:
             and may raise KeyboardInterrupt.
         farewell: Message after an interrupt.
     """
+    name = module.rpartition(".")[2]
+    try:
+        _run(module, f"{name}: {farewell}")
+    except ModuleNotFoundError as error:
+        refuse(name, error)
+
+
+def _run(module: str, farewell: str) -> None:
+    """Do the same where all libraries are there."""
     sys.unraisablehook = _come_again
     # Some libraries misinterpret an interrupt during their import.
     _answer_interrupt(_end_at_once)
@@ -58,11 +74,11 @@ def run(module: str, farewell: str = "interrupted.") -> None:
     except BrokenPipeError:  # as before `| head`
         # Python writes the rest at its end.
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-        sys.exit(128 + signal.SIGPIPE)
+        sys.exit(PIPE_CLOSED)
     except BaseException as error:
         if not (isinstance(error, KeyboardInterrupt) or is_shut_down()):
             raise
-        print(f"{module.rpartition('.')[2]}: {farewell}", file=sys.stderr)
+        print(farewell, file=sys.stderr)
         sys.exit(INTERRUPTED)
 
 
@@ -99,8 +115,10 @@ def _come_again(ignored: Any) -> None:
         sys.__unraisablehook__(ignored)
         return
     # From another thread: here it would be ignored again.
-    main = threading.main_thread().ident
-    timer = threading.Timer(AGAIN, signal.pthread_kill, (main, signal.SIGINT))
+    main, send = threading.main_thread().ident, _thread.interrupt_main
+    if hasattr(signal, "pthread_kill"):  # which also ends a call that waits
+        send = partial(signal.pthread_kill, main, signal.SIGINT)
+    timer = threading.Timer(AGAIN, send)
     timer.daemon = True
     timer.start()
 

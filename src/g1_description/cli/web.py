@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import logging
 import signal
-import sys
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -24,10 +23,12 @@ from g1_description.command_line import (
     option,
     own_arguments,
     parse,
+    refuse,
     say,
     within,
 )
 from g1_description.errors import G1DescriptionError, InvalidValueError
+from g1_description.interrupts import ENDING_SIGNALS
 from g1_description.motion.files.formats import read_motion
 from g1_description.motion.files.source import ReadOptions
 from g1_description.motion.motion import Motion
@@ -39,7 +40,12 @@ from g1_description.web.page import Page, report_address
 from g1_description.web.server.address import ServerOptions
 
 
-@dataclass(frozen=True)
+def motion_or_folder(text: str) -> Path:
+    """Read the name of a motion, as ``options.motion_file``, or of a folder."""
+    return Path(text) if Path(text).is_dir() else options.motion_file(text)
+
+
+@dataclass
 class WebOptions:
     """Show a robot and its motions in a browser, without a ROS master.
 
@@ -48,11 +54,11 @@ class WebOptions:
     """
 
     folder: Path | None = argument(
-        "a folder of motions to look through",
-        Path,
+        "a motion to open, or a folder of motions to look through",
+        motion_or_folder,
         nargs="?",
         default=None,
-        metavar="FOLDER",
+        metavar="FILE|FOLDER",
     )
     report: Path | None = option(
         "what check found in the folder, as written by check --csv or --json",
@@ -100,11 +106,13 @@ class WebOptions:
     read_only: bool = option("show the robot without controls", False)
 
     def __post_init__(self) -> None:
-        """Check combinations of options.
+        """Check combinations of options; a motion for FOLDER is that of --motion.
 
         Raises:
             InvalidValueError: If some exclude each other.
         """
+        if self.folder and not (self.folder.is_dir() or self.motion or self.compare):
+            self.motion, self.folder = self.folder, None
         if self.folder and (self.motion or self.compare or self.read_only):
             raise InvalidValueError(
                 "FOLDER cannot be combined with --motion, --compare or --read-only"
@@ -145,8 +153,6 @@ def make_library(args: WebOptions) -> Library | None:
     """
     if args.folder is None:
         return None
-    if not args.folder.is_dir():
-        raise InvalidValueError(f"{args.folder} is not a folder; see --motion.")
     files = [task.path for task in motion_files([args.folder]).tasks]
     usual = (args.folder / name for name in REPORTS)
     report = args.report or next((path for path in usual if path.exists()), None)
@@ -173,7 +179,7 @@ def web(args: WebOptions) -> None:
     Raises:
         G1DescriptionError: If a file cannot be read, or the page cannot be opened.
     """
-    for signum in (signal.SIGTERM, signal.SIGHUP):
+    for signum in ENDING_SIGNALS[1:]:
         if signal.getsignal(signum) is not signal.SIG_IGN:
             signal.signal(signum, signal.default_int_handler)
     thresholds = read_thresholds(args.thresholds)
@@ -202,7 +208,5 @@ def main() -> None:
     logging.basicConfig(format="web: %(message)s")
     try:
         web(args)
-    except G1DescriptionError as error:
-        sys.exit(f"web: {error}")
-    except OSError as error:
-        sys.exit(f"web: {error.filename or ''}: {error.strerror or error}")
+    except (G1DescriptionError, OSError) as error:
+        refuse("web", error)

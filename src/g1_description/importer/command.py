@@ -1,4 +1,4 @@
-"""The command import_model, which copies a robot and its meshes to a folder."""
+"""The work of the command import_model."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Start and end of import_model, which a signal may interrupt at any time."""
+"""The command import_model, which copies a robot and its meshes to a folder."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
+from g1_description.command_line import refuse
 from g1_description.errors import G1DescriptionError
+from g1_description.interrupts import ENDING_SIGNALS
 
 
 def main() -> None:
@@ -19,11 +21,8 @@ def main() -> None:
     _answer_signals(signal.default_int_handler)
     try:
         print(run(sys.argv[1:]))
-    except G1DescriptionError as error:
-        sys.exit(f"import_model: {error}")
-    except OSError as error:
-        place = error.filename or "output"
-        sys.exit(f"import_model: {place}: {error.strerror}.")
+    except (G1DescriptionError, OSError) as error:
+        refuse("import_model", error)
     except KeyboardInterrupt:
         print("import_model: interrupted; nothing was written.", file=sys.stderr)
         sys.exit(130)
@@ -31,6 +30,6 @@ def main() -> None:
 
 def _answer_signals(handler: Callable[..., Any] | signal.Handlers) -> None:
     """Set the handler of signals, except those that the parent ignores."""
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+    for number in ENDING_SIGNALS:
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, handler)

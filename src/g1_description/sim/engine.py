@@ -20,6 +20,7 @@ from g1_description.errors import (
     UnknownNameError,
     cause,
 )
+from g1_description.libraries import missing
 from g1_description.motion.motors import Motors, motors_of
 from g1_description.robot.dynamics import GRAVITY
 from g1_description.robot.profile import is_profile
@@ -444,19 +445,9 @@ def engine_class(name: str) -> type[Engine]:
     try:
         module = import_module(f"g1_description.sim.{name}.engine")
     except ImportError as error:
-        is_missing = isinstance(error, ModuleNotFoundError)
-        library = str(error.name) if is_missing else LIBRARIES.get(name, name)
-        why = "not installed" if is_missing else f"broken ({cause(error)})"
-        raise UnknownNameError(
-            f"The engine {name} needs {library}, which is {why}; to install "
-            f"it, run: pip install {INSTALLED.get(library, library)}"
-        ) from error
+        why = f"The library of the engine {name} is broken: {cause(error)}."
+        if isinstance(error, ModuleNotFoundError):
+            why = missing(f"The engine {name}", error)
+        raise UnknownNameError(why) from error
     found: type[Engine] = getattr(module, f"{name.title()}Engine")
     return found
-
-
-LIBRARIES = {"bullet": "pybullet"}
-"""Libraries of engines that are not called as these are."""
-
-INSTALLED = {"mujoco": "mujoco==3.2.3"}
-"""Versions of libraries that need not be there."""

@@ -14,11 +14,11 @@ from __future__ import annotations
 import ctypes
 import ctypes.util
 import os
-import resource
 import signal
 import sys
 import warnings
 from collections.abc import Iterator
+from contextlib import suppress
 from itertools import repeat
 from pathlib import Path
 from typing import Any, Tuple
@@ -34,6 +34,11 @@ from g1_description.sim.meshes.stl import (
     triangle_count,
     triangle_normals,
 )
+
+try:
+    import resource
+except ImportError:  # on Windows
+    resource = None  # type: ignore[assignment]
 
 BEGUN, LAST_WORDS = "begun", "last_words"
 """Files that it writes when it begins, and on an internal error."""
@@ -198,14 +203,17 @@ def _triangles(mesh: _Mesh) -> np.ndarray:
 
 def main() -> None:
     """Read all files."""
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    if resource is not None:
+        with suppress(ValueError, OSError):  # macOS has no limit of memory
+            resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     folder, limits, files = Path(sys.argv[1]), sys.argv[2:4], sys.argv[4:]
     (folder / BEGUN).touch()
     try:
         for number, file in enumerate(files):
-            for timer, limit in zip((signal.ITIMER_PROF, signal.ITIMER_REAL), limits):
-                signal.setitimer(timer, float(limit))
+            if hasattr(signal, "setitimer"):
+                signal.setitimer(signal.ITIMER_PROF, float(limits[0]))
+                signal.setitimer(signal.ITIMER_REAL, float(limits[1]))
             _read_to(folder, number, Path(file))
     except Exception as error:  # raised again; reported to the parent
         words = f"{type(error).__name__}: {error}"

@@ -328,13 +328,13 @@ def _run(folder: Path, paths: list[Path], timeout: float) -> int | None:
 
 def _death(code: int) -> str:
     """Describe the exit code of a reader."""
+    if code >= 0:
+        return f"its reader exited with code {code}"
     if code == -signal.SIGPROF:
         return f"it took more than {FILE_PROCESSOR_TIMEOUT:g} s of processor time"
     if code == -signal.SIGALRM:
         return f"it took more than {FILE_TIMEOUT:g} s"
-    if code < 0:
-        return f"its reader was killed by signal {-code} ({signal.strsignal(-code)})"
-    return f"its reader exited with code {code}"
+    return f"its reader was killed by signal {-code} ({signal.strsignal(-code)})"
 
 
 def _parts(content: Path) -> tuple[Part, ...]:

@@ -8,16 +8,11 @@ from typing import TYPE_CHECKING
 
 from g1_description.errors import PageServerError
 from g1_description.interrupts import uninterrupted
+from g1_description.libraries import missing
 from g1_description.web.server.address import ServerOptions, is_loopback, listen, origin
 
 if TYPE_CHECKING:
     import viser
-
-
-MISSING = (
-    "the browser view needs {}, which is not installed: "
-    "`pip install viser==1.1.1`, or tools/setup in a clone"
-)
 
 
 class PageServer:
@@ -86,5 +81,5 @@ def _check_installed() -> None:
             import trimesh  # noqa: F401
             import viser  # noqa: F401
             import websockets.asyncio.server  # noqa: F401  older ones have none
-    except ImportError as error:
-        raise PageServerError(MISSING.format(error.name or "viser")) from None
+    except ModuleNotFoundError as error:
+        raise PageServerError(missing("the browser view", error)) from None

@@ -1,0 +1,54 @@
+"""Libraries that are not installed: the sentence about them."""
+
+from __future__ import annotations
+
+import re
+import sys
+from importlib import metadata
+
+PACKAGE = "g1_description"
+
+OF_ROS = re.compile(
+    r"(ros(py|graph|lib|bag|pkg)|tf|tf2_\w+|actionlib|genpy|\w+_(msgs|srvs)"
+    r"|diagnostic_updater|dynamic_reconfigure|g1_description\.(msg|srv))(\.|$)"
+)
+"""Modules that come with ROS or with its workspace."""
+
+DISTRIBUTIONS = {"PIL": "Pillow", "ruamel": "ruamel.yaml"}
+"""Names for pip of libraries that are imported by another one."""
+
+
+def missing(what: str, error: ModuleNotFoundError) -> str:
+    """Write a sentence about a library that is not there, and how to install it.
+
+    Args:
+        what: What needs it.
+        error: The error of its import.
+    """
+    name = str(error.name)
+    if OF_ROS.match(name):
+        return (
+            f"{what} needs {name}, which {sys.executable} lacks: it needs ROS. Source "
+            "the workspace and use /usr/bin/python3."
+        )
+    library = DISTRIBUTIONS.get(name.split(".")[0], name.split(".")[0])
+    marker, installed = _requirement(library), library
+    below = re.search(r"python_version < ['\"]3\.(\d+)", marker or "")
+    if below and sys.version_info >= (3, int(below[1])):
+        return f"{what} needs {library}, which needs a Python older than 3.{below[1]}."
+    if marker is not None:
+        extra = re.search(r"extra == ['\"](\w+)", marker)
+        installed = f"'{PACKAGE}[{extra[1]}]'" if extra else PACKAGE
+    python = f"{sys.executable} -m pip"
+    return f"{what} needs {library}; install it with: {python} install {installed}"
+
+
+def _requirement(library: str) -> str | None:
+    """Return the marker with which pip knows a library of this package, if it does."""
+    try:
+        lines = metadata.requires(PACKAGE) or ()
+    except metadata.PackageNotFoundError:  # built by catkin
+        return None
+    name = re.sub(r"[-_.]+", "[-_.]+", library)
+    pairs = (line.partition(";") for line in lines)
+    return next((m for n, _, m in pairs if re.match(rf"{name}\b", n, re.I)), None)
