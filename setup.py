@@ -1,73 +1,104 @@
 """The Python side of g1_description, for catkin and for pip.
 
-Both read package.xml and requirements.txt, so that nothing is said twice. catkin runs
-this file, too: nothing of catkin is imported here, as pip has none.
+Both read package.xml, so that nothing is said twice. catkin runs this file, too:
+nothing of catkin is imported here, as pip has none.
 """
 
+import os
+import shutil
+import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from xml.etree import ElementTree
 
 from setuptools import find_packages, setup
+from setuptools.command.build_py import build_py
 
-SHARE = Path("share", "g1_description")
-"""Where the robot and its files lie below the prefix, as catkin installs them."""
+MANIFEST = ElementTree.parse("package.xml").getroot()
 
-EXTRAS = {"mujoco": ("mujoco", "etils", "fsspec", "importlib-resources", "zipp")}
-"""Libraries that are installed on request: pip install .[mujoco]."""
+NAME = MANIFEST.findtext("name")
 
-ROS_ONLY = {"python3-rospkg", "python3-setuptools"}
-"""Packages of package.xml that are of no use without ROS."""
+DATA = ("config", "meshes", "motions", "urdf", "package.xml")
+"""The robot and its files, which a wheel has inside the package."""
+
+COMMAND = "g1_description.cli.g1:main"
+
+REQUIRES = [
+    "Pillow>=10.4",
+    "daqp>=0.11",
+    "fast-simplification>=0.1.7",
+    "lxml>=4.5",
+    "numpy>=1.17",
+    "rosbags>=0.9.23",
+    "ruamel.yaml>=0.15.89",
+    "scipy>=1.3",
+    "tqdm>=4.67",
+    "trimesh>=3.23.5",
+    "urdf_parser_py>=0.0.4",
+    "xacro>=2.1.1",
+]
+"""Libraries from the versions on that the tests run with. requirements.txt names exact
+ones, also as constraints: pip install --constraint requirements.txt."""
+
+EXTRAS = {
+    "bullet": ["pybullet>=3.2.5; python_version < '3.12'"],  # newer ones are compiled
+    "film": ["imageio-ffmpeg>=0.5.1"],
+    "mujoco": ["mujoco>=3.2.3"],
+    "page": ["viser>=1.1.1", "websockets>=13.1"],
+    "plot": ["matplotlib>=3.5.3"],
+}
+"""Libraries that are installed on request."""
+
+EXTRAS["all"] = sorted(library for extra in EXTRAS.values() for library in extra)
 
 BUILD = TemporaryDirectory()
 """Where pip builds. In the clone, an earlier build would be installed along with it."""
 
-MANIFEST = ElementTree.parse("package.xml").getroot()
+
+class BuildWithData(build_py):
+    """Adds the data files to the package, which lie beside its sources."""
+
+    def run(self):
+        """Copy everything."""
+        super().run()
+        if getattr(self, "editable_mode", False):
+            return  # those of the clone are found
+        for name in DATA:
+            copy = shutil.copytree if Path(name).is_dir() else shutil.copy
+            copy(name, Path(self.build_lib, NAME, name))
 
 
-LINES = Path("requirements.txt").read_text(encoding="utf-8").splitlines()
-PINNED = [line.partition("#")[0].strip() for line in LINES]
+def is_for_catkin():
+    """Return whether catkin runs this file, which installs data and commands itself."""
+    return "CATKIN_BINARY_DIR" in os.environ or "interrogate" in sys.argv[0]
 
 
-def extras(names):
-    """List the pinned ones of some libraries."""
-    return [pin for pin in PINNED if pin.partition("==")[0] in names]
-
-
-def requirements():
-    """List what is imported: from PyPI in any case, and what ROS' machines have."""
-    optional = {pin for names in EXTRAS.values() for pin in extras(names)}
-    pinned = [pin for pin in PINNED if pin not in optional]
-    others = {element.text for element in MANIFEST.findall("exec_depend")} - ROS_ONLY
-    prefix = "python3-"  # the names behind it are those of PyPI
-    free = sorted(name[len(prefix) :] for name in others if name.startswith(prefix))
-    return [*filter(None, pinned), *free]
-
-
-def data_files():
-    """List files by the folder that they are installed in."""
-    folders = ("config", "meshes", "motions", "urdf")
-    below = [path for name in folders for path in sorted(Path(name).rglob("*"))]
-    files = [Path("package.xml"), *(path for path in below if path.is_file())]
-    return [(str(SHARE / path.parent), [str(path)]) for path in files]
+def for_pip():
+    """Return what only a wheel has."""
+    return {
+        "cmdclass": {"build_py": BuildWithData},
+        "entry_points": {
+            "console_scripts": [f"g1 = {COMMAND}", f"g1-description = {COMMAND}"]
+        },
+        "options": {"build": {"build_base": BUILD.name}},
+    }
 
 
 setup(
-    name=MANIFEST.findtext("name"),
+    name=NAME,
     version=MANIFEST.findtext("version"),
     description=" ".join(MANIFEST.findtext("description").split()),
     license=MANIFEST.findtext("license"),
     maintainer=MANIFEST.findtext("maintainer"),
     maintainer_email=MANIFEST.find("maintainer").get("email"),
     python_requires=">=3.8",
-    install_requires=requirements(),
-    extras_require={extra: extras(names) for extra, names in EXTRAS.items()},
+    install_requires=REQUIRES,
+    extras_require=EXTRAS,
     packages=find_packages("src"),
     package_dir={"": "src"},
     package_data={
         "g1_description.render": ["browser/*"],
         "g1_description.web.server": ["script.js"],
     },
-    data_files=data_files(),
-    options={"build": {"build_base": BUILD.name}},
+    **({} if is_for_catkin() else for_pip()),
 )

@@ -32,13 +32,13 @@ def share_folder() -> Path:
         DescriptionError: If there is none, as when only the code was copied.
     """
     own = Path(__file__).resolve().parents[1]
-    for above in own.parents:
+    for above in (own, *own.parents):  # a wheel has them inside the package
         for folder in (above, above / "share" / PACKAGE):
             if (folder / SETTINGS).is_file():
                 return folder
     raise DescriptionError(
-        f"The data files of {PACKAGE} are missing: no folder above {own} has "
-        f"share/{PACKAGE}/{SETTINGS}."
+        f"The data files of {PACKAGE} are missing: neither {own} nor a folder above it "
+        f"has {SETTINGS} or share/{PACKAGE}/{SETTINGS}."
     )
 
 
