@@ -6,7 +6,6 @@ nothing of catkin is imported here, as pip has none.
 
 import os
 import shutil
-import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from xml.etree import ElementTree
@@ -70,7 +69,8 @@ class BuildWithData(build_py):
 
 def is_for_catkin():
     """Return whether catkin runs this file, which installs data and commands itself."""
-    return "CATKIN_BINARY_DIR" in os.environ or "interrogate" in sys.argv[0]
+    is_read = __name__ != "__main__"  # by CMake, for the names of the packages
+    return is_read or "CATKIN_BINARY_DIR" in os.environ
 
 
 def for_pip():

@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, Any, Callable, Union
 from g1_description.checks.report import NO_MOTION, NOT_READ, FileResult
 from g1_description.errors import G1DescriptionError, MotionError, NoMotionError, cause
 from g1_description.interrupts import without_interrupts
+from g1_description.libraries import missing
 from g1_description.motion.files.formats import read_motion
 from g1_description.motion.files.source import USUAL, ReadOptions
 from g1_description.motion.motion import Motion
@@ -132,6 +133,8 @@ class FileChecker(FileWorker):
 
 def mishap(error: Exception) -> str:
     """Describe an unexpected error, with its place."""
+    if isinstance(error, ModuleNotFoundError):
+        return missing("this", error)
     frame = traceback.extract_tb(error.__traceback__)[-1]
     place = f"{Path(frame.filename).name}:{frame.lineno}"
     return f"internal error {type(error).__name__}: {cause(error)} ({place})"
