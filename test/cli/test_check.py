@@ -40,7 +40,7 @@ def folder(tmp_path, monkeypatch):
 def run(*arguments):
     """Run the command in this process; return what it ends with."""
     words = ["--model", "post.urdf", *map(str, arguments)]
-    return check.check(parse(CheckOptions, "check", words, MISUSE))
+    return check.check(parse(CheckOptions, "check", words))
 
 
 def refused(capsys, monkeypatch, *arguments):
@@ -356,7 +356,7 @@ def test_motions_alone_are_watched(folder):
     clip.rename("clip.DAT")
     words = ["motions", "clip.DAT", "--format", "table", "--csv", "motions/a.csv"]
     words += ["--write-selection", "motions/own.yaml", "--model", "post.urdf"]
-    args = parse(CheckOptions, "check", words, MISUSE)
+    args = parse(CheckOptions, "check", words)
     before = check.stamps(args)
     (folder / "own.yaml").write_text("duration < 9: exclude\n")
     assert run(*words, "--thresholds", "own.yaml") == 0

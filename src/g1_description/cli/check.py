@@ -183,6 +183,8 @@ def file_checker(args: CheckOptions) -> FileChecker:
     Raises:
         G1DescriptionError: If a given file is invalid.
     """
+    if args.plot:  # where matplotlib is missing, nothing is checked in vain
+        import g1_description.checks.plot  # noqa: F401
     robot = Robot(args.model, args.motors, args.collisions)
     description = robot.description
     return FileChecker(

@@ -12,7 +12,6 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Callable, Dict, Iterator, Optional, Tuple
 
-import imageio_ffmpeg
 import numpy as np
 from PIL import Image
 
@@ -44,6 +43,8 @@ def check_place(path: Path, suffixes: Sequence[str]) -> None:
     Raises:
         InvalidValueError: If it cannot.
     """
+    if path.suffix.lower() == ".mp4":  # where it is missing, nothing is drawn in vain
+        import imageio_ffmpeg  # noqa: F401
     folder = path.parent
     if path.suffix.lower() not in suffixes:
         raise InvalidValueError(
@@ -234,6 +235,8 @@ def write_video(
     Raises:
         InvalidValueError: If it cannot be written; an existing file is kept.
     """
+    import imageio_ffmpeg
+
     command = [
         *(imageio_ffmpeg.get_ffmpeg_exe(), "-loglevel", "error", "-y"),
         *("-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{size[0]}x{size[1]}"),
