@@ -152,10 +152,9 @@ def wrong(words):
         return [] if is_written else wrong_launch(words[1:], 0)
     if program == "rostest":
         return wrong_launch(words[1:], 2)
-    if program == "rosrun":
-        return wrong_run(words[1:])
-    if program == "g1":  # those of rosrun that need no ROS
-        return wrong_run(["g1_description", *words[1:]])
+    if program in ("rosrun", "g1"):  # g1 has those that need no ROS
+        own = [] if program == "rosrun" else ["g1_description"]
+        return wrong_run([*own, *words[1:]])
     if program == "rosservice":
         return wrong_service(words[1:])
     return [] if program in FOREIGN else [words[0]]

@@ -98,7 +98,7 @@ def draw(monkeypatch, tmp_path, capfd):
         snapshot.main()
         return tmp_path / name, capfd.readouterr().err
 
-    monkeypatch.setattr(snapshot, "start_node", lambda *_, **__: None)
+    monkeypatch.setattr(running_robots, "start_node", lambda *_, **__: None)
     return run
 
 
