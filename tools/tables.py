@@ -6,7 +6,7 @@ import ast
 import inspect
 import re
 import textwrap
-from collections.abc import Collection, Iterable
+from collections.abc import Collection
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from g1_description.checker.parameters import CheckerParameters
 from g1_description.checks.rules import RULES
 from g1_description.cli.check import CheckOptions
 from g1_description.cli.collision_pairs import PairsOptions
-from g1_description.cli.doctor import DoctorOptions
+from g1_description.cli.doctor import CHECKS, DoctorOptions, run_checks
 from g1_description.cli.motion_edits import COMMANDS as MOTION
 from g1_description.cli.motion_edits import Edit, Reading
 from g1_description.cli.moveit_config import MoveItOptions
@@ -31,6 +31,15 @@ from g1_description.importer.command import ImportOptions
 from g1_description.interactive.node import InteractiveParameters
 from g1_description.ros.parameters import NAMESPACE
 from g1_description.web.node import WebParameters
+
+from ros_tables import (
+    argument_text,
+    interface_rows,
+    launch_meanings,
+    launch_rows,
+    launch_texts,
+    row,
+)
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -64,18 +73,13 @@ NODES = {
 }
 """The dataclass of a node's parameters."""
 
-LAUNCH_FILES = ("display", "bridge", "checks", "view", "replay", "web")
-"""The first of these that declares an argument says what it means."""
-
-OWN_MEANING = {("bridge", "rate"), ("view", "use_sim_time")}
-OWN_MEANING |= {("web", "ghost"), ("web", "robot_name")}
-"""Launch files where an argument means something else."""
-
-
-def row(cells: Iterable[object]) -> str:
-    """Write a row of a table; an empty cell is one space."""
-    return "|".join(["", *(f" {cell} " if str(cell) else " " for cell in cells), ""])
-
+ARGUMENTS = {
+    "display": "launch.md",
+    "two_robots": "launch.md",
+    "view": "launch.md",
+    "replay": "motions.md",
+}
+"""The page that lists a launch file's arguments."""
 
 HEAD = ["| option | default | meaning |", "| --- | --- | --- |"]
 
@@ -177,7 +181,10 @@ def meanings_of(kind: type[Any]) -> dict[str, str]:
 
 
 def parameter_rows(kind: type[Any], namespace: str = "") -> list[str]:
-    """Write the rows of a node's parameters; a field's docstring is its meaning."""
+    """Write the rows of a node's parameters.
+
+    A field's docstring is its meaning; without one, that of the launch argument.
+    """
     lines, meanings, unit = [], meanings_of(kind), ""
     for known in fields(kind):
         inner = known.default_factory
@@ -193,12 +200,15 @@ def parameter_rows(kind: type[Any], namespace: str = "") -> list[str]:
         elif isinstance(default, str) and default not in ("true", "false"):
             default = f"`{default}`"
         text = meanings.get(known.name, "")
+        if not text and known.name in launch_meanings():
+            text = argument_text(known.name, launch_meanings()[known.name], "nodes.md")
+            text = text.replace(" (stand-in only)", "")
         if text:
-            match = re.search(r",? in \[([^\]]+)\]", text)
-            unit = match[1] if match else ""
+            match = re.search(r",? in \[([^\]]+)\]|^\[(\w+)[^\]]*\] ?", text)
+            unit = match[1] or match[2] if match else ""
             text = text.replace(match[0], "") if match else text
             text = text.rstrip(".").replace("``", "`")
-            text = text[0].lower() + text[1:]
+            text = text[:1].lower() + text[1:]
         cells = (f"`~{namespace}{known.name}`", default, unit, text)
         lines.append(row(cells))
     return lines
@@ -293,61 +303,53 @@ def levels() -> str:
     return "\n".join(lines)
 
 
-def launch_texts() -> dict[Path, str]:
-    """Return the launch files with the meanings of the first that declares them."""
-    paths = sorted(
-        (ROOT / "launch").glob("*.launch"),
-        key=lambda path: (
-            LAUNCH_FILES.index(path.stem) if path.stem in LAUNCH_FILES else 99
-        ),
-    )
-    meanings: dict[str, str] = {}
-    found = {}
-    for path in paths:
-
-        def replaced(match: re.Match[str], path: Path = path) -> str:
-            head, name, between, about = match.groups()
-            if (path.stem, name) in OWN_MEANING:
-                return match[0]
-            return f'{head}{name}{between}{meanings.setdefault(name, about)}"'
-
-        pattern = r'(<arg name=")(\w+)("[^>]*?doc=")([^"]*)"'
-        found[path] = re.sub(pattern, replaced, path.read_text())
-    return found
+def doctor_rows() -> tuple[str, str]:
+    """Write the tables of the doctor's checks and faults."""
+    checks = ["| check | ok if |", "| --- | --- |"]
+    faults = ["| fault | meaning |", "| --- | --- |"]
+    for name, function in [*((n, f) for n, _, f in CHECKS), ("", run_checks)]:
+        text = inspect.getdoc(function).replace("``", "`")
+        about, _, found = text.partition("\n\nFaults:\n")
+        about = " ".join(about.split()).rstrip(".")
+        if name:
+            checks.append(row((f"`{name}`", about.replace("Check that ", ""))))
+        for fault in re.findall(r"^    (\w+): ((?:.|\n {8})*)", found, flags=re.M):
+            faults.append(
+                row((f"`{fault[0]}`", " ".join(fault[1].split()).rstrip(".")))
+            )
+    return "\n".join(checks), "\n".join(faults)
 
 
 def texts() -> dict[Path, str]:
     """Return all files that repeat the code, as they should be."""
     found = launch_texts()
-    for command, (page, options) in COMMANDS.items():
-        path = ROOT / "docs" / page
+
+    def put(
+        file: str, name: str, block: str, marks: tuple[str, str] = ("<!-- ", " -->")
+    ) -> None:
+        path = ROOT / file
         text = found.get(path) or path.read_text()
-        found[path] = with_block(text, command, rows(options, page), ("<!-- ", " -->"))
-    path = ROOT / "docs" / "motions.md"
-    block = motion_rows("motions.md")
-    found[path] = with_block(found[path], "motion", block, ("<!-- ", " -->"))
-    path = ROOT / "docs" / "nodes.md"
-    text = path.read_text()
+        found[path] = with_block(text, name, block, marks)
+
+    for command, (page, options) in COMMANDS.items():
+        put(f"docs/{page}", command, rows(options, page))
+    put("docs/motions.md", "motion", motion_rows("motions.md"))
     for node, kind in NODES.items():
         head = ["| parameter | default | unit | meaning |", "| --- | --- | --- | --- |"]
-        table = "\n".join([*head, *parameter_rows(kind)])
-        text = with_block(text, node, table, ("<!-- ", " -->"))
-    found[path] = text
-    path = ROOT / "docs" / "examples.md"
-    found[path] = path.read_text()
+        put("docs/nodes.md", node, "\n".join([*head, *parameter_rows(kind)]))
     for file in sorted((ROOT / "examples").glob("*.py")):
-        found[path] = with_block(
-            found[path], file.stem, example(file), ("<!-- ", " -->")
-        )
-    path = ROOT / "docs" / COMMON_PAGE
-    text = with_block(path.read_text(), "commands", command_rows(), ("<!-- ", " -->"))
-    found[path] = with_block(text, "common", common_rows(), ("<!-- ", " -->"))
-    path = ROOT / "docs" / "checks_reference.md"
-    found[path] = with_block(found[path], "rules", rule_rows(), ("<!-- ", " -->"))
-    path = ROOT / "config" / "checks.yaml"
-    found[path] = with_block(path.read_text(), "of checks", levels(), ("# ", ""))
-    path = ROOT / "config" / "completion.bash"
-    found[path] = with_block(path.read_text(), "of commands", completion(), ("# ", ""))
+        put("docs/examples.md", file.stem, example(file))
+    for stem, page in ARGUMENTS.items():
+        put(f"docs/{page}", f"{stem}.launch", launch_rows(stem, page))
+    for name, block in zip(("checks", "faults"), doctor_rows()):
+        put("docs/doctor.md", name, block)
+    for folder in ("msg", "srv"):
+        put("docs/messages.md", folder, interface_rows(folder))
+    put(f"docs/{COMMON_PAGE}", "commands", command_rows())
+    put(f"docs/{COMMON_PAGE}", "common", common_rows())
+    put("docs/checks_reference.md", "rules", rule_rows())
+    put("config/checks.yaml", "of checks", levels(), ("# ", ""))
+    put("config/completion.bash", "of commands", completion(), ("# ", ""))
     return found
 
 

@@ -72,24 +72,6 @@ def test_the_yaml_file_holds_known_parameters_and_their_defaults():
     assert values.items() <= default_parameters(BridgeParameters).items()
 
 
-@pytest.mark.parametrize(
-    ("file", "title"), [("display", None), ("view", "A bag, or a real robot")]
-)
-def test_the_page_lists_every_launch_argument(file, title):
-    page = (ROOT / "docs" / "launch.md").read_text()
-    text = section("launch.md", title) if title else page.split("\n## ")[0]
-    table = text.split("| argument |")[1]
-    cells = re.findall(r"^\| `([^`]+)` \|", table, flags=re.M)
-    names = [name for cell in cells for name in cell.split()]
-    assert sorted(names) == sorted(launch_arguments(LAUNCH / f"{file}.launch"))
-
-
-def test_the_page_lists_the_arguments_of_two_robots():
-    text = section("launch.md", "Two robots").split("The arguments are")[1]
-    names = re.findall(r"`(\w+)`", text)
-    assert sorted(names) == sorted(launch_arguments(LAUNCH / "two_robots.launch"))
-
-
 def test_every_launch_argument_has_a_meaning_and_a_default():
     for path in LAUNCH.glob("*.launch"):
         for name, arg in launch_arguments(path).items():

@@ -30,7 +30,10 @@ _KINDS = {"controllers": (list, tuple)}
 
 @dataclass(frozen=True)
 class BridgeParameters:
-    """Parameters of link_states_bridge."""
+    """Parameters of link_states_bridge.
+
+    One without a docstring is an argument of launch files, whose ``doc`` describes it.
+    """
 
     gazebo: str = "/gazebo"
     """Namespace of the simulator."""
@@ -43,7 +46,6 @@ class BridgeParameters:
     namespace."""
 
     frame_prefix: str = ""
-    """Prefix of the robot's frame names."""
 
     robots: tuple[dict, ...] = ()
     """Several robots instead of one; see [below](#several-robots)."""
@@ -78,14 +80,10 @@ class BridgeParameters:
     """Frame of the robot's base."""
 
     trails: str = ""
-    """Links whose paths are published as markers, separated by spaces."""
 
     ghost: bool = False
-    """Publish the commanded configuration as a second robot."""
 
     history: float = 600.0
-    """Simulated time for which states and commands are kept, with at most 60 MB per
-    robot; 0: none; see [history](#history), in [s]."""
 
     imu_link: str = ""
     """Link with a second frame, for the IMU; empty: the link ``imu`` of the robot's

@@ -22,24 +22,23 @@ from g1_description.ros.parameters import (
 
 @dataclass(frozen=True)
 class CheckerParameters:
-    """Parameters of the node ``checker``."""
+    """Parameters of the node ``checker``.
+
+    One without a docstring is an argument of launch files, whose ``doc`` describes it.
+    """
 
     robot_description: str = "robot_description"
     """Name of the parameter with the URDF; searched for upward from the
     namespace."""
 
     frame_prefix: str = ""
-    """Prefix of the robot's frame names."""
 
     map_frame: str = "map"
     """Frame of the floor, which is at z = 0."""
 
     thresholds: str = ""
-    """File of thresholds; empty: ``config/checks.yaml``."""
 
     collisions: str = ""
-    """File of [allowed collisions](self_collision.md#allowed-pairs); empty: that of the
-    robot's [profile](robots.md), or what is found."""
 
     visual_hulls: bool = True
     """Use the convex hulls of visual shapes for links without collision shapes."""

@@ -128,7 +128,12 @@ def several(
 
 
 def check_python(system: RunningSystem) -> Fault | str:
-    """Import modules of ROS and of the workspace."""
+    """Check that this Python can import rospy and the sourced workspace.
+
+    Faults:
+        no_workspace: the workspace is not sourced in this shell, or its Python is not
+            that of ROS.
+    """
     system.failed = failed_imports([*OF_ROS, *PACKAGES])
     reasons = [system.failed[name] for name in OF_ROS if name in system.failed]
     if not reasons:
@@ -143,7 +148,14 @@ def check_python(system: RunningSystem) -> Fault | str:
 
 
 def check_packages(system: RunningSystem) -> Fault | str:
-    """Look for a package of the nodes that this Python cannot import."""
+    """Check that this Python can import what the nodes need.
+
+    PyBullet matters only if there is no simulator.
+
+    Faults:
+        no_package: the Python of the nodes lacks a package; the real Gazebo needs no
+            PyBullet.
+    """
     missing = [module for module in PACKAGES if module in system.failed]
     if missing == ["pybullet"]:  # which the real Gazebo does not need
         return f"{sys.executable}, without PyBullet"
@@ -161,7 +173,11 @@ def _no_package(system: RunningSystem, module: str) -> Fault:
 
 
 def check_master(system: RunningSystem) -> Fault | str:
-    """Ask the master for its process."""
+    """Check that a master answers at ``ROS_MASTER_URI``.
+
+    Faults:
+        no_master: no master answers at ``ROS_MASTER_URI``.
+    """
     uri, host = system.uri, host_of(system.uri)
     if not host:
         return Fault(
@@ -179,7 +195,11 @@ def check_master(system: RunningSystem) -> Fault | str:
 
 
 def check_address(system: RunningSystem) -> Fault | str:
-    """Check the address with which nodes of this shell register."""
+    """Check that ``ROS_HOSTNAME``, ``ROS_IP`` or the host's name is this machine.
+
+    Faults:
+        wrong_ros_ip: nodes of this shell register with a wrong address.
+    """
     name, value = "The name of this host", socket.gethostname()
     given = [v for v in ("ROS_HOSTNAME", "ROS_IP") if v in os.environ]
     if given and os.environ[given[0]]:  # even an empty one takes precedence
@@ -201,7 +221,16 @@ def check_address(system: RunningSystem) -> Fault | str:
 
 
 def check_nodes(system: RunningSystem) -> Fault | str:
-    """Ask all nodes for their processes."""
+    """Check that all nodes have valid addresses.
+
+    Those between the simulator and TF answer.
+
+    Faults:
+        wrong_node_address: a node gave an address that cannot be resolved, or a node
+            between the simulator and TF does not answer on another machine.
+        dead_node: a node between the simulator and TF is registered, but has died, or
+            was stopped with Ctrl-Z.
+    """
     tables = [
         defaultdict(list, dict(table)) for table in query(system.uri, "getSystemState")
     ]
@@ -257,7 +286,12 @@ def _is_in_pipeline(system: RunningSystem, node: str) -> bool:
 
 
 def check_description(system: RunningSystem) -> Fault | str:
-    """Read the robot of the parameter server."""
+    """Check that ``robot_description`` is a valid robot.
+
+    Faults:
+        no_description: there is no ``robot_description``.
+        bad_description: ``robot_description`` is not a valid robot.
+    """
     from g1_description.errors import G1DescriptionError
     from g1_description.robot.urdf import parse_urdf
 
@@ -286,7 +320,11 @@ def check_description(system: RunningSystem) -> Fault | str:
 
 
 def check_meshes(system: RunningSystem) -> Fault | str:
-    """Look for the meshes, if the simulator or a viewer runs on this machine."""
+    """Check that the meshes exist, if the simulator or RViz runs on this machine.
+
+    Faults:
+        missing_meshes: meshes of the robot do not exist.
+    """
     from g1_description.files.model_files import find_folder
     from g1_description.files.uris import local_path
 
@@ -308,7 +346,13 @@ def check_meshes(system: RunningSystem) -> Fault | str:
 
 
 def check_simulator(system: RunningSystem) -> Fault | str:
-    """Ask the simulator whether it is paused."""
+    """Check that a simulator serves ``set_model_configuration`` and answers.
+
+    Faults:
+        no_simulator: there is no simulator.
+        silent_simulator: the simulator does not answer, or there are no messages on
+            ``link_states``.
+    """
     from gazebo_msgs.srv import GetPhysicsProperties
 
     if not system.simulators:
@@ -350,7 +394,12 @@ def _silent(name: str, node: str, source: str, fix: str) -> Fault:
 
 
 def check_clock(system: RunningSystem) -> Fault | str:
-    """Look for the node that publishes the time."""
+    """Check that exactly one node publishes ``/clock``, if ``/use_sim_time`` is true.
+
+    Faults:
+        no_clock: ``/use_sim_time`` is true, but nothing publishes ``/clock``.
+        two_clocks: several nodes publish ``/clock``.
+    """
     if not system.parameter("/use_sim_time", False):
         return "not needed, /use_sim_time is false"
     nodes = system.publishers["/clock"]
@@ -368,7 +417,12 @@ def check_clock(system: RunningSystem) -> Fault | str:
 
 
 def check_time(system: RunningSystem) -> Fault | str:
-    """Wait for the time."""
+    """Check that time is not paused, and ``/clock`` is published.
+
+    Faults:
+        paused: time is paused.
+        silent_clock: time is not paused, but there are no messages on ``/clock``.
+    """
     from rosgraph_msgs.msg import Clock
 
     if system.is_paused:
@@ -384,7 +438,7 @@ def check_time(system: RunningSystem) -> Fault | str:
 
 
 def check_link_states(system: RunningSystem) -> Fault | str:
-    """Wait for the simulator's link states."""
+    """Check that the simulator publishes ``link_states``."""
     from gazebo_msgs.msg import LinkStates
 
     topic = f"{system.gazebo}/link_states"
@@ -407,7 +461,11 @@ def _links(message: Any) -> tuple[list[str], np.ndarray]:
 
 
 def check_bridge(system: RunningSystem) -> Fault | str:
-    """Look for the bridge of the namespace."""
+    """Check that a bridge serves the namespace.
+
+    Faults:
+        no_bridge: no bridge serves the namespace.
+    """
     topic, bridges = system.topic(STATES), system.bridges
     if bridges:
         return bridges[0]
@@ -421,7 +479,11 @@ def check_bridge(system: RunningSystem) -> Fault | str:
 
 
 def check_model(system: RunningSystem) -> Fault | str:
-    """Ask the simulator for the bridge's model."""
+    """Check that the simulator has the bridge's model.
+
+    Faults:
+        no_model: the simulator has no model of the bridge's name.
+    """
     from gazebo_msgs.srv import GetWorldProperties
 
     from g1_description.robot.assembly import SCOPE
@@ -460,7 +522,13 @@ def _spawn(system: RunningSystem) -> str:
 
 
 def check_urdf(system: RunningSystem) -> Fault | str:
-    """Compare the model with the description."""
+    """Check that the model has the links, joint origins and axes of the robot.
+
+    As far as its pose shows: axes only away from zero.
+
+    Faults:
+        other_urdf: the model was spawned from another URDF.
+    """
     from gazebo_msgs.msg import LinkStates
 
     name = system.robot.name
@@ -537,7 +605,13 @@ def difference(
 
 
 def check_joint_states(system: RunningSystem) -> Fault | str:
-    """Wait for the joint states."""
+    """Check that only the bridge publishes joint states.
+
+    Faults:
+        two_joint_states: another node publishes ``joint_states``, such as ``rosbag
+            play`` or a second bridge.
+        no_joint_states: there are no messages on ``joint_states``.
+    """
     from sensor_msgs.msg import JointState
 
     topic = system.topic("joint_states")
@@ -556,7 +630,11 @@ def check_joint_states(system: RunningSystem) -> Fault | str:
 
 
 def check_state_publisher(system: RunningSystem) -> Fault | str:
-    """Look for the robot_state_publisher."""
+    """Check that a robot_state_publisher reads the bridge's ``tf_joint_states``.
+
+    Faults:
+        no_state_publisher: there is no robot_state_publisher.
+    """
     others = system.publishers["/tf"] if system.source else []
     if not system.state_publishers and others:  # such as a bag
         return f"not needed, TF comes from {listed(others)}"
@@ -580,7 +658,12 @@ def _start_state_publisher(system: RunningSystem) -> str:
 
 
 def check_tf(system: RunningSystem) -> Fault | str:
-    """Listen to TF."""
+    """Check that TF has all frames of the robot, each from one node.
+
+    Faults:
+        two_tf_owners: several nodes publish one edge of TF, or a frame has two parents.
+        no_tf: TF lacks edges of the robot.
+    """
     from tf2_msgs.msg import TFMessage
 
     expected = system.edges()
@@ -658,7 +741,12 @@ def two_tf_owners(
 
 
 def check_diagnostics(system: RunningSystem) -> Fault | str:
-    """Wait for a good report of the bridge; a bad one may be temporary."""
+    """Check that the bridge reports no fault on ``/diagnostics``.
+
+    Faults:
+        bad_diagnostics: the bridge reports another problem on ``/diagnostics``, or
+            nothing.
+    """
     from diagnostic_msgs.msg import DiagnosticArray
 
     node, topic = system.bridges[0], "/diagnostics"
@@ -684,7 +772,11 @@ def bad_status(statuses: Iterable[Any]) -> str:
 
 
 def check_picture(system: RunningSystem) -> Fault | str:
-    """Look for RViz or the browser view."""
+    """Check that RViz or the browser view runs, or ``DISPLAY`` is empty.
+
+    Faults:
+        no_picture: neither RViz nor the browser view runs, though there is a screen.
+    """
     if system.viewers:
         return listed(system.viewers)
     if not os.environ.get("DISPLAY"):
@@ -743,6 +835,9 @@ def run_checks(namespace: str, names: Sequence[str]) -> Iterator[Result]:
 
     Raises:
         KeyboardInterrupt: If a signal has shut the node down.
+
+    Faults:
+        unfinished: a query failed, such as one to a master that is too busy.
     """
     system = RunningSystem(namespace)
     checks = iter([check for check in CHECKS if check[0] in names])

@@ -21,7 +21,10 @@ INITIAL = "initial/"
 
 @dataclass(frozen=True)
 class SpawnParameters:
-    """A robot to spawn, its pose and its configuration."""
+    """A robot to spawn, its pose and its configuration.
+
+    One without a docstring is an argument of launch files, whose ``doc`` describes it.
+    """
 
     robot_description: str = ""
     """Name of the parameter with the robot's URDF; empty: no robot is spawned."""
@@ -34,6 +37,7 @@ class SpawnParameters:
 
     y: float = 0.0
     z: float = 0.0
+    """Height, in [m]."""
 
     on_floor: bool = False
     """Ignore ``~z`` and put the robot on the floor (z = 0)."""
@@ -45,11 +49,8 @@ class SpawnParameters:
     yaw: float = 0.0
 
     initial_pose: str = "zero"
-    """Named pose at the start and after a reset."""
 
     anchor: str = ""
-    """Link that [stays at its place](poses.md#an-anchor) while joints move in
-    ``kinematic``, or ``lowest_foot``; empty: none."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,10 @@ class SpawnerParameters(SpawnParameters):
 
 @dataclass(frozen=True)
 class GazeboParameters:
-    """Parameters of the node ``gazebo``."""
+    """Parameters of the node ``gazebo``.
+
+    One without a docstring is an argument of launch files, whose ``doc`` describes it.
+    """
 
     spawn: SpawnParameters = field(default_factory=SpawnParameters)
     """The robot to spawn at start."""
@@ -74,18 +78,12 @@ class GazeboParameters:
     """Initial physics properties, which override those of a world file."""
 
     physics: str = "kinematic"
-    """``kinematic``, ``hold`` or ``limp``; see [physics](launch.md#physics)."""
 
     engine: str = "bullet"
-    """``bullet`` or ``mujoco``; see [engines](launch.md#engines)."""
 
     fixed_base: bool = False
-    """Fix the root in ``hold`` and ``limp``; with ``~on_floor``, the robot hangs
-    clear of the floor."""
 
     motors: str = ""
-    """File of the [motors](motions.md#tracked-by-motors) of all robots in ``hold``;
-    empty: those of each robot's [profile](robots.md)."""
 
     world: str = ""
     """World file (SDF) to load at the start; empty: a ground plane and a sun."""
@@ -101,7 +99,6 @@ class GazeboParameters:
     """Rate of ``/clock``; 0: every step, in [Hz]."""
 
     paused: bool = False
-    """Start with simulated time paused."""
 
     strict_messages: bool = False
     """Use exactly Gazebo's status messages, without additional details."""

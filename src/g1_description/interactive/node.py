@@ -28,11 +28,12 @@ MISSING = (
 
 @dataclass(frozen=True)
 class InteractiveParameters:
-    """Parameters of the node ``interactive``."""
+    """Parameters of the node ``interactive``.
+
+    One without a docstring is an argument of launch files, whose ``doc`` describes it.
+    """
 
     collisions: str = ""
-    """File of [allowed collisions](self_collision.md#allowed-pairs); empty: that of the
-    robot's [profile](robots.md), or what is found."""
 
     def __post_init__(self) -> None:
         """Check the file."""

@@ -42,27 +42,24 @@ from g1_description.web.server.address import ServerOptions
 
 @dataclass(frozen=True)
 class WebParameters:
-    """Parameters of the node ``web``."""
+    """Parameters of the node ``web``.
+
+    One without a docstring is an argument of launch files, whose ``doc`` describes it.
+    """
 
     host: str = "127.0.0.1"
-    """Address to listen on; any but the machine's own needs a token, which is part
-    of the address in the log."""
 
     port: int = 8080
-    """0: any that is free."""
 
     token: str = ""
     """The token; empty: a new one at each start. Anyone who can reach the master can
     read it."""
 
     read_only: bool = False
-    """Display only; ignore input from browsers."""
 
     controls: bool = True
-    """Enable the controls, which need a bridge."""
 
     gazebo: str = "/gazebo"
-    """Namespace of the simulator; empty: there is none."""
 
     robot_description: str = "robot_description"
     """Parameter that holds the robot's URDF; searched for upward from the
@@ -72,23 +69,17 @@ class WebParameters:
     """Name of the robot on the page."""
 
     frame_prefix: str = ""
-    """Prefix of the robot's frame names."""
 
     robots: tuple[dict, ...] = ()
-    """Several robots instead of one, [as for the bridge](#several-robots)."""
 
     map_frame: str = "map"
-    """Frame that is shown; its floor is at height 0."""
 
     ghost: bool = False
     """Whether the bridge publishes the commanded configuration."""
 
     collisions: str = ""
-    """File of [allowed collisions](self_collision.md#allowed-pairs); empty: that of the
-    robot's [profile](robots.md), or what is found."""
 
     thresholds: str = ""
-    """File of the checks' thresholds; empty: ``config/checks.yaml``."""
 
     def __post_init__(self) -> None:
         """Check files."""
