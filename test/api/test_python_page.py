@@ -23,7 +23,6 @@ OFFLINE = {
     for page in PAGES
     for program in programs(page, robot=False)
     if str(page.relative_to(ROOT)) not in WITHOUT_LIBRARY
-    if str(page.relative_to(ROOT)) not in WITHOUT_LIBRARY
 }
 
 

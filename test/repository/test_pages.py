@@ -8,8 +8,10 @@ from functools import lru_cache
 from pathlib import Path
 
 import pytest
+import yaml
 from forked import run_script
 from pages import (
+    FENCE,
     NAMES,
     PAGES,
     ROOT,
@@ -257,6 +259,20 @@ def test_the_architecture_has_a_line_for_each_package():
 @pytest.mark.parametrize("page", PAGES, ids=NAMES)
 def test_links_and_pictures_exist(page):
     assert broken_links(page) == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=NAMES)
+def test_blocks_of_a_page_can_be_read(page):
+    """Python and commands have tests of their own."""
+    text = page.read_text(encoding="utf-8")
+    found = FENCE.findall(text)
+    assert text.count("```") == 2 * len(found)
+    for language, block in found:
+        assert language in ("bash", "python", "text", "xml", "yaml")
+        if language == "xml":
+            ET.fromstring(f"<all>{block}</all>")
+        if language == "yaml":
+            yaml.safe_load(block)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=NAMES)
