@@ -39,6 +39,7 @@ FOREIGN = {
     "cp",
     "docker",
     "git",
+    "mkdocs",
     "source",
     "catkin_make",
     "catkin_test_results",
@@ -127,6 +128,8 @@ def wrong_run(words):
 def wrong_tool(words):
     """Say what is wrong with a command of ours."""
     file = ROOT / words[0]
+    if file.suffix == ".py" and file.exists():
+        return []  # part of a tool
     if not os.access(file, os.X_OK):
         return [words[0]]
     if words[0] == "tools/demo":
