@@ -42,12 +42,6 @@ def share_folder() -> Path:
     )
 
 
-try:
-    import rospkg
-except ImportError:  # without ROS, this is the only package
-    rospkg = None
-
-
 MODEL_PATH = "GAZEBO_MODEL_PATH"
 """Environment variable with the folders of models."""
 
@@ -67,7 +61,9 @@ def packages() -> dict[str, str]:
     ROS' folder of this package takes precedence: RViz and others use it.
     """
     own = {PACKAGE: str(share_folder())}
-    if rospkg is None:
+    try:
+        import rospkg  # slow, and only meshes need it
+    except ImportError:  # without ROS, this is the only package
         return own
     ros = rospkg.RosPack()
     return {**own, **{name: ros.get_path(name) for name in ros.list()}}
