@@ -39,10 +39,22 @@ REQUIRES = [
 """Libraries from the versions on that the tests run with. requirements.txt names exact
 ones, also as constraints: pip install --constraint requirements.txt."""
 
+FOR_OLD_MUJOCO = [
+    f"{library}; python_version < '3.9'"
+    for library in (
+        "etils<1.4",
+        "fsspec<2025.4",
+        "importlib-resources<6.5",
+        "typing-extensions<4.14",
+        "zipp<3.21",
+    )
+]
+"""Without these, pip of Python 3.8 tries versions for more than five minutes."""
+
 EXTRAS = {
     "bullet": ["pybullet>=3.2.5; python_version < '3.12'"],  # newer ones are compiled
     "film": ["imageio-ffmpeg>=0.5.1"],
-    "mujoco": ["mujoco>=3.2.3"],
+    "mujoco": ["mujoco>=3.2.3", *FOR_OLD_MUJOCO],
     "page": ["viser>=1.1.1", "websockets>=13.1"],
     "plot": ["matplotlib>=3.5.3"],
 }
