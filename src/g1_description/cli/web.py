@@ -58,7 +58,7 @@ class WebOptions:
         motion_or_folder,
         nargs="?",
         default=None,
-        metavar="FILE|FOLDER",
+        metavar="FILE",
     )
     report: Path | None = option(
         "what check found in the folder, as written by check --csv or --json",
