@@ -216,7 +216,13 @@ def parse(
 def refuse(
     command: str, error: G1DescriptionError | OSError | ModuleNotFoundError
 ) -> NoReturn:
-    """Print why a command cannot do its work, and exit."""
+    """Print why a command cannot do its work, and exit.
+
+    Raises:
+        BrokenPipeError: If it is one, as before ``| head``.
+    """
+    if isinstance(error, BrokenPipeError):
+        raise error
     text = f"{command}: {error}"
     if isinstance(error, OSError):
         text = f"{command}: {error.filename or 'output'}: {error.strerror or error}."

@@ -566,7 +566,7 @@ def test_an_interrupted_import_leaves_nothing(source, out, tmp_path):
     )
     process.send_signal(signal.SIGTERM)
     _, told = process.communicate(timeout=DEADLINE)
-    assert told.endswith("import_model: interrupted; nothing was written.\n")
+    assert told.endswith("import_model: interrupted, nothing is written.\n")
     assert process.returncode == 130
     assert [path.name for path in tmp_path.iterdir()] == ["source"]
 

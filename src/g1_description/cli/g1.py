@@ -15,7 +15,7 @@ UNWRITTEN = "interrupted, nothing is written."
 COMMANDS = {
     "check": ("check",),
     "collision_pairs": ("collision_pairs", UNWRITTEN),
-    "import_model": (".importer.start",),
+    "import_model": (".importer.import_model", UNWRITTEN),
     "motion": ("motion",),
     "moveit_config": ("moveit_config",),
     "snapshot": ("snapshot", UNWRITTEN),
