@@ -1,7 +1,8 @@
 """A stand-in for Gazebo, a link-state bridge and a display for the Unitree G1.
 
-``Robot``, ``Client`` and ``Stream`` are the interface for Python programs, see
-docs/python.md. They are imported when they are first used, which takes a while.
+``Robot``, ``Client`` and ``Stream`` are the interface for Python programs, with what
+they take and return; see docs/python.md. They are imported when they are first used,
+which takes a while.
 """
 
 from __future__ import annotations
@@ -14,13 +15,25 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .api import Robot as Robot
+    from .checks.verdict import Finding as Finding
+    from .checks.verdict import Verdict as Verdict
     from .client import Client as Client
+    from .ik.inverse_kinematics import IkResult as IkResult
+    from .motion.motion import Motion as Motion
     from .stream import Stream as Stream
 
 # The generated services, g1_description.srv, lie in another folder of this name.
 __path__ = extend_path(__path__, __name__)
 
-PUBLIC = {"Client": "client", "Robot": "api", "Stream": "stream"}
+PUBLIC = {
+    "Client": "client",
+    "Finding": "checks.verdict",
+    "IkResult": "ik.inverse_kinematics",
+    "Motion": "motion.motion",
+    "Robot": "api",
+    "Stream": "stream",
+    "Verdict": "checks.verdict",
+}
 """Where the public names are."""
 
 

@@ -74,6 +74,7 @@ if TYPE_CHECKING:
         IkResult,
         InverseKinematics,
     )
+    from g1_description.ik.limits import Limit
     from g1_description.msg import RobotTrajectory
 
 _IK_ARGUMENTS = {"hold": "fixed_links", "collisions": "avoid_collisions"}
@@ -297,12 +298,20 @@ class Robot:
         return self._masses.robot_center(self.forward_kinematics(positions, base))
 
     @former_arguments(**_IK_ARGUMENTS)
-    def ik(
+    def ik(  # noqa: PLR0913  (its keywords are its documentation)
         self,
         targets: Mapping[str, Any],
         start: JointValues | None = None,
         base: Any = None,
-        **options: Any,
+        *,
+        fixed_links: Collection[str] | None = None,
+        balance: bool = False,
+        avoid_collisions: bool = False,
+        floor: float | None = None,
+        base_motion: str | None = None,
+        weights: Mapping[str, float] | None = None,
+        points: Mapping[str, Any] | None = None,
+        limits: Sequence[Limit] = (),
     ) -> IkResult:
         """Search a configuration in which links are where they should be.
 
@@ -313,23 +322,23 @@ class Robot:
             start: Positions at which the search begins, clipped to the limits; the
                 result is near them where targets leave a choice. None: neutral ones.
             base: Pose of the base link at the start.
-            options: Any of these:
-
-                - ``fixed_links``: names or roles of links that stay where they are at
-                  the start; by default the profile's feet without targets.
-                - ``balance=True``: the centre of mass is above the fixed links that
-                  stand on the floor, by a centimetre.
-                - ``avoid_collisions=True``: links that are checked for collisions keep
-                  2 mm apart.
-                - ``floor``: height in [m] below which no link gets, but for fixed
-                  ones; by default there is no floor.
-                - ``base_motion``: how the base moves: ``free``, ``planar`` (along and
-                  about the floor) or ``fixed``; by default free if a link is
-                  fixed or a foot has a target, else fixed.
-                - ``weights``: of targets by name, by default 1; infinite: the others
-                  must not disturb it, as with fixed links.
-                - ``points``: points of links that are brought to their targets, such
-                  as fingertips, x y z in the frame of the link; by default its origin.
+            fixed_links: Names or roles of links that stay where they are at the start;
+                None: the profile's feet without targets.
+            balance: Whether the centre of mass is above the fixed links that stand on
+                the floor, by a centimetre.
+            avoid_collisions: Whether links that are checked for collisions keep 2 mm
+                apart.
+            floor: Height in [m] below which no link gets, but for fixed ones; None:
+                there is no floor.
+            base_motion: How the base moves: ``free``, ``planar`` (along and about the
+                floor) or ``fixed``; None: free if a link is fixed or a foot has a
+                target, else fixed.
+            weights: Those of targets by name, by default 1; infinite: the others must
+                not disturb it, as with fixed links.
+            points: Points of links that are brought to their targets, such as
+                fingertips, x y z in the frame of the link in [m]; by default its
+                origin.
+            limits: Limits of your own; see ``ik.limits.Limit``.
 
         Returns:
             The configuration. If not all can be reached it is the nearest one found,
@@ -341,18 +350,35 @@ class Robot:
         """
         from g1_description.ik.inverse_kinematics import IkOptions
 
-        kept = IkOptions.of("ik", options)
+        kept = IkOptions(
+            fixed_links,
+            balance,
+            avoid_collisions,
+            floor,
+            base_motion,
+            weights,
+            points,
+            limits,
+        )
         begin, pose = self._start(start, base)
         return self._inverse.solve(targets, begin, pose, kept)
 
     @former_arguments(**_IK_ARGUMENTS)
-    def ik_path(
+    def ik_path(  # noqa: PLR0913
         self,
         times: Any,
         targets: Mapping[str, Any],
         start: JointValues | None = None,
         base: Any = None,
-        **options: Any,
+        *,
+        fixed_links: Collection[str] | None = None,
+        balance: bool = False,
+        avoid_collisions: bool = False,
+        floor: float | None = None,
+        base_motion: str | None = None,
+        weights: Mapping[str, float] | None = None,
+        points: Mapping[str, Any] | None = None,
+        limits: Sequence[Limit] = (),
     ) -> IkPath:
         """Make a motion in which links follow targets.
 
@@ -362,7 +388,8 @@ class Robot:
                 (n_samples, 3).
             start: As for ``ik``: where the search for the first sample begins.
             base: As for ``ik``.
-            options: As for ``ik``; fixed links stay where they are at the start.
+            fixed_links, balance, avoid_collisions, floor, base_motion, weights, points,
+            limits: As for ``ik``; fixed links stay where they are at the start.
 
         Returns:
             The motion, whose joints keep to their limits of position and velocity, and
@@ -373,7 +400,19 @@ class Robot:
         """
         from g1_description.ik.inverse_kinematics import IkOptions
 
-        own, kept = as_numbers(times, "time"), IkOptions.of("ik_path", options)
+        own, kept = (
+            as_numbers(times, "time"),
+            IkOptions(
+                fixed_links,
+                balance,
+                avoid_collisions,
+                floor,
+                base_motion,
+                weights,
+                points,
+                limits,
+            ),
+        )
         begin, pose = self._start(start, base)
         return self._inverse.path(own, targets, begin, pose, kept)
 

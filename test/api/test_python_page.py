@@ -86,3 +86,12 @@ def test_the_page_names_every_method_of_what_needs_ros(name, text):
     kind = getattr(g1_description, name)
     assert unknown(kind, text) == []
     assert rows(text, name) == [[*inspect.signature(kind).parameters]]
+
+
+def test_the_page_names_what_the_package_exports():
+    assert [
+        name for name in g1_description.PUBLIC if not re.search(rf"\b{name}\b", TEXT)
+    ] == []
+    assert all(
+        isinstance(getattr(g1_description, n), type) for n in g1_description.PUBLIC
+    )

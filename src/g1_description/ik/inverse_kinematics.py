@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice
 from typing import Any, NamedTuple
@@ -43,7 +43,7 @@ from g1_description.robot.launch_arguments import FEET
 from g1_description.robot.rotation import normalized, rotate
 from g1_description.robot.transform import compose, inverse
 from g1_description.sim.standing import outlines
-from g1_description.text import did_you_mean, listed, similar_first
+from g1_description.text import listed, similar_first
 
 ROTATION_WEIGHT = 0.3
 """Weight of rotation errors in [rad], against position errors in [m]."""
@@ -140,23 +140,6 @@ class IkOptions:
                 "limits must be a list of objects with the methods approach and "
                 f"excess_message (got {str(self.limits)[:80]})."
             )
-
-    @classmethod
-    def of(cls, function: str, given: Mapping[str, Any]) -> IkOptions:
-        """Take the keyword arguments of a function.
-
-        Raises:
-            TypeError: If one is unknown, as Python would.
-            InvalidValueError: If one is no boolean but has to be.
-        """
-        names = [option.name for option in fields(cls)]
-        for name in given:
-            if name not in names:
-                raise TypeError(
-                    f"{function}() got an unexpected keyword argument '{name}'"
-                    + did_you_mean(name, names)
-                )
-        return cls(**given)
 
 
 @dataclass(frozen=True, eq=False)
