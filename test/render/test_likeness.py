@@ -1,4 +1,4 @@
-"""Our G1 looks like the vendor's, as PyBullet's software renderer sees both."""
+"""Our G1 looks like the vendor's, as drawn by the same renderer."""
 
 import numpy as np
 import pytest
@@ -27,9 +27,7 @@ def scenes():
     for scene, file in zip(found, (OURS, VENDOR)):
         text = with_absolute_uris(file.read_text(), file.parent)
         scene.add(parse_urdf(text))
-    yield found
-    for scene in found:
-        scene.close()
+    return found
 
 
 @pytest.mark.slow

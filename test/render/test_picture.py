@@ -13,11 +13,11 @@ from conftest import REPOSITORY
 from oracle import forward_kinematics
 from scipy.spatial.transform import Rotation
 
-from g1_description.render import scene as scenes
+from g1_description.render import rasterizer
 from g1_description.render.camera import VIEWS, Camera, framing
+from g1_description.render.rasterizer import Triangles
 from g1_description.render.scene import NOTHING, Scene, draw, silhouette
 from g1_description.robot.urdf import parse_urdf
-from g1_description.sim.meshes.shapes import Part
 
 MIDDLE = np.array([0.0, 0.0, 0.66])
 OURS = REPOSITORY / "urdf" / "g1_29dof.urdf"
@@ -44,16 +44,16 @@ def body(geometry, xyz="0 0 0", color=None, name="shape"):
 
 @pytest.fixture
 def scene():
-    with Scene() as made:
-        yield made
+    made = Scene()
+    yield made
 
 
 @pytest.fixture(scope="module")
 def g1_scene():
     """Give a scene of a G1, which tests place before they look at it."""
-    with Scene() as made:
-        made.add(parse_urdf(OURS.read_text()))
-        yield made
+    made = Scene()
+    made.add(parse_urdf(OURS.read_text()))
+    yield made
 
 
 def area(mask, camera):
@@ -88,15 +88,20 @@ def test_an_orthographic_outline_has_the_area_of_the_projection(
     assert area(mask, camera) == pytest.approx(expected, rel=0.01)
 
 
-@pytest.mark.parametrize("batch", [1, 3, 40_000])
-def test_every_triangle_of_a_mesh_is_drawn(monkeypatch, batch):
-    monkeypatch.setattr(scenes, "BATCH_SIZE", batch)
-    corners = np.random.default_rng(1).normal(size=(7, 3, 3))
-    part = Part(corners, np.ones_like(corners), None)
-    forms = [*scenes._triangles(part)]
-    drawn = [np.array(form["vertices"])[form["indices"]] for form in forms]
-    assert max(len(vertices) for vertices in drawn) <= 3 * batch
-    np.testing.assert_array_equal(np.concatenate(drawn), corners.reshape(-1, 3))
+def test_the_nearest_triangle_is_seen_however_many_there_are():
+    """A ray through each pixel's centre is the oracle."""
+    rng = np.random.default_rng(1)
+    corners = rng.uniform([-8, -8, 1], [48, 40, 2], (300, 3, 3))
+    corners[::7, 1:] = corners[::7, :1] + rng.normal(scale=0.7, size=(43, 2, 3))
+    some = Triangles(corners, np.ones_like(corners), corners[:, 0], np.arange(300))
+    _, seen = rasterizer.draw(some, 32, 40, np.array([0.0, 0.0, 1.0]), NOTHING)
+    system = np.linalg.inv(np.insert(corners[:, :, :2], 2, 1.0, axis=2))
+    for row, column in np.ndindex(seen.shape):
+        weights = np.array([column, row, 1.0]) @ system
+        near = np.where(
+            (weights >= 0.0).all(axis=1), (weights * corners[..., 2]).sum(1), 0
+        )
+        assert seen[row, column] == (near.argmax() if near.any() else NOTHING)
 
 
 def test_a_perspective_outline_has_the_area_of_the_cone(scene):
@@ -286,8 +291,7 @@ def test_no_screen_is_needed():
         "from g1_description.render.camera import Camera\n"
         "from g1_description.render.scene import draw\n"
         "from g1_description.render.scene import Scene\n"
-        "with Scene() as scene:\n"
-        "    draw(scene, Camera(np.zeros(3), 0.0, 0.0, 1.0), 16, 16)\n"
+        "draw(Scene(), Camera(np.zeros(3), 0.0, 0.0, 1.0), 16, 16)\n"
     )
     path = os.pathsep.join([str(SOURCE), *sys.path])
     environment = {**os.environ, "PYTHONPATH": path}

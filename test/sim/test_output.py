@@ -18,8 +18,8 @@ from g1_description.sim.standing import standing_height
 robot = parse_urdf('{ROBOT}')
 BulletEngine("hold", PhysicsProperties()).close()
 standing_height(lump_fixed_joints(robot), np.array([0.0, 0.0, 0.0, 1.0]))
-with Scene() as scene:
-    scene.add(robot)
+scene = Scene()
+scene.add(robot)
 """
 SPEAK = "import os; print('one', flush=True); os.system('echo two'); os.write(2, b'3')"
 BOTH = """

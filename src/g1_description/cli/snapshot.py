@@ -287,26 +287,26 @@ def draw_all(
     Raises:
         KeyboardInterrupt: If the node was shut down meanwhile; nothing is written.
     """
-    with Scene() as scene:
-        for robot in robots:
-            _, left_out = scene.add(robot)
-            if left_out:
-                notify(f"ignored in '{robot.name}': {'; '.join(left_out)}.")
-        camera, floor = frame(scene, moments, args.view, args.size)
+    scene = Scene()
+    for robot in robots:
+        _, left_out = scene.add(robot)
+        if left_out:
+            notify(f"ignored in '{robot.name}': {'; '.join(left_out)}.")
+    camera, floor = frame(scene, moments, args.view, args.size)
 
-        def picture(n: int) -> np.ndarray:
-            place(scene, moments[n])
-            return draw(scene, camera, *args.size, floor)
+    def picture(n: int) -> np.ndarray:
+        place(scene, moments[n])
+        return draw(scene, camera, *args.size, floor)
 
-        if args.out.suffix.lower() == ".mp4":
-            write_video(args.out, drawn(len(moments), picture), args.size, args.fps)
-        elif args.is_film:
-            write_film(args.out, film(len(moments), picture), args.fps)
-        else:
-            pixels = picture(0)
-            if is_shut_down():
-                raise KeyboardInterrupt
-            write_picture(args.out, pixels)
+    if args.out.suffix.lower() == ".mp4":
+        write_video(args.out, drawn(len(moments), picture), args.size, args.fps)
+    elif args.is_film:
+        write_film(args.out, film(len(moments), picture), args.fps)
+    else:
+        pixels = picture(0)
+        if is_shut_down():
+            raise KeyboardInterrupt
+        write_picture(args.out, pixels)
     print(f"{args.out}: {'x'.join(map(str, args.size))}, {args.view}")
 
 

@@ -1,4 +1,4 @@
-"""The camera of a picture: projection, framing, and OpenGL matrices."""
+"""The camera of a picture: projection and framing."""
 
 from __future__ import annotations
 
@@ -160,35 +160,3 @@ def _covering(places: np.ndarray, size: int) -> slice:
     ends = np.array([np.floor(places.min()) - 1, np.ceil(places.max()) + 1])
     first, last = np.clip(ends, 0, size).astype(int)
     return slice(int(first), int(last))
-
-
-def matrices(
-    camera: Camera, width: int, height: int, crop: Crop
-) -> tuple[tuple[float, ...], ...]:
-    """Compute OpenGL's view and projection matrices, in column-major order.
-
-    PyBullet's renderer has no orthographic projection, so a distant camera is used. It
-    samples a pixel at its lower left corner.
-
-    Args:
-        camera: The camera.
-        width: Width of the whole picture, in pixels.
-        height: Height of the picture, in pixels.
-        crop: The part of it that is drawn, not empty.
-    """
-    view = np.eye(4)
-    view[:3, :3] = camera.axes
-    view[:3, 3] = -camera.axes @ camera.target - [0.0, 0.0, camera.range]
-    depth = min((1.0 - NEAREST) * camera.range, 20.0 * camera.width)
-    near, far = camera.range - depth, camera.range + depth
-    rows, columns = crop
-    pixel = camera.width / width / camera.range
-    ends = np.array([columns.start, columns.stop, -rows.stop, -rows.start])
-    middle = np.array([width, width, -height, -height]) / 2
-    left, right, bottom, top = (ends - middle + 0.5) * pixel
-    projection = np.zeros((4, 4))
-    projection[0, [0, 2]] = np.array([2.0, right + left]) / (right - left)
-    projection[1, [1, 2]] = np.array([2.0, top + bottom]) / (top - bottom)
-    projection[2, 2:] = np.array([far + near, 2.0 * far * near]) / (near - far)
-    projection[3, 2] = -1.0
-    return tuple(view.T.ravel().tolist()), tuple(projection.T.ravel().tolist())

@@ -12,6 +12,7 @@ from g1_description.robot.description import Description, Shape
 from g1_description.robot.rotation import rotate
 from g1_description.sim.meshes.shapes import (
     Mesh,
+    Part,
     find_meshes,
     is_there,
     scaled_parts,
@@ -72,7 +73,8 @@ def link_patches(
             look
             for shape in some
             if is_there(shape, meshes)
-            for look in _looks(shape, meshes.get(shape.filename))
+            for part in shape_parts(shape, meshes.get(shape.filename))
+            for look in [(part.corners, part.color or GREY)]
         )
         for link, some in shapes.items()
     }
@@ -80,30 +82,34 @@ def link_patches(
     return kept, (*robot.unread, *left_out)
 
 
-def _looks(shape: Shape, mesh: Mesh | None) -> list[tuple[np.ndarray, Color]]:
-    """List the triangles of a shape, shape (n, 3, 3) in the link's frame, by colour.
+def shape_parts(shape: Shape, mesh: Mesh | None) -> list[Part]:
+    """List the triangles of a shape in the frame of its link, by colour.
 
     As in RViz, the colours of the mesh's own materials count more than that of the
     shape.
     """
-    color = shape.color or GREY
-    if mesh is None:
-        looks = [(_primitive(shape), color)]
-    else:
-        parts = scaled_parts(mesh, shape.size)
-        looks = [(part.corners, part.color or color) for part in parts]
+    color = tuple(shape.color or GREY)
+    parts = [_primitive(shape)] if mesh is None else scaled_parts(mesh, shape.size)
+    turn = shape.pose[3:]
     return [
-        (rotate(shape.pose[3:], corners) + shape.pose[:3], look)
-        for corners, look in looks
+        Part(
+            rotate(turn, part.corners) + shape.pose[:3],
+            rotate(turn, part.normals),
+            part.color or color,
+        )
+        for part in parts
     ]
 
 
-def _primitive(shape: Shape) -> np.ndarray:
-    """List the triangles of a box or a round shape, shape (n, 3, 3)."""
+def _primitive(shape: Shape) -> Part:
+    """Make the triangles of a box or a round shape."""
     if shape.kind == "box":
-        return _BOX * np.array(shape.size)
+        corners = _BOX * np.array(shape.size)
+        edges = np.cross(_BOX[:, 1] - _BOX[:, 0], _BOX[:, 2] - _BOX[:, 0])
+        return Part(corners, np.repeat(edges[:, np.newaxis], 3, axis=1), None)
     surface = ROUND[shape.kind](*shape.size)
-    return surface.vertices[surface.triangles]
+    triangles = surface.triangles
+    return Part(surface.vertices[triangles], surface.normals[triangles], None)
 
 
 def _merged(looks: Iterable[tuple[np.ndarray, Color]]) -> list[Patch]:

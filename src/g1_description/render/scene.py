@@ -1,117 +1,21 @@
-"""Pictures of robots: their visual shapes in a separate PyBullet client, on a floor.
-
-Each shape is a static body, placed by our kinematics. PyBullet knows neither joints nor
-masses, so links without mass are drawn, too.
-"""
+"""Pictures of robots: their visual shapes, placed by our kinematics, on a floor."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from g1_description.render.camera import Camera, Crop, crop_around, matrices
-from g1_description.render.patches import GREY
+from g1_description.render import rasterizer
+from g1_description.render.camera import NEAREST, Camera, Crop, crop_around
+from g1_description.render.patches import GREY, shape_parts
 from g1_description.robot.assembly import Assembly
-from g1_description.robot.description import Description, Shape
+from g1_description.robot.description import Description
 from g1_description.robot.kinematics import Kinematics
-from g1_description.robot.transform import IDENTITY, compose
-from g1_description.sim.bullet.client import BulletClient, connect, pybullet
-from g1_description.sim.meshes.shapes import (
-    Mesh,
-    Part,
-    find_meshes,
-    is_there,
-    scaled_parts,
-)
-from g1_description.sim.meshes.stl import ROUND
-
-BATCH_SIZE = 40_000
-"""Triangles per shape: PyBullet accepts 131072 corners."""
-
-
-def load_visual(
-    client: BulletClient, shape: Shape, mesh: Mesh | None
-) -> tuple[list[int], str]:
-    """Load a shape, with a bounding box that PyBullet updates.
-
-    Args:
-        client: PyBullet.
-        shape: The shape.
-        mesh: The mesh, if it is one. As in RViz, the mesh's materials take precedence
-            over the colour of the shape.
-
-    Returns:
-        PyBullet's ids of its bodies, and a message if it cannot be read.
-    """
-    color = list(shape.color or GREY)
-    kind = pybullet.GEOM_BOX if shape.kind == "box" else pybullet.GEOM_MESH
-    looks = [(_primitive(shape), color)]
-    if mesh is not None and (mesh.parts or min(shape.size) <= 0):
-        looks = [
-            (form, list(part.color or color))
-            for part in by_color(scaled_parts(mesh, shape.size))
-            for form in _triangles(part)
-        ]
-    elif mesh is not None:  # PyBullet mirrors neither the order of corners nor normals
-        looks = [({"fileName": str(mesh.path), "meshScale": list(shape.size)}, color)]
-    try:
-        return [_body(client, kind, *look) for look in looks], ""
-    except pybullet.error:
-        return [], f"{shape.kind} {shape.filename} cannot be read"
-
-
-def by_color(parts: Sequence[Part]) -> list[Part]:
-    """Merge the parts of each colour."""
-    return [
-        Part(
-            np.concatenate([part.corners for part in parts if part.color == color]),
-            np.concatenate([part.normals for part in parts if part.color == color]),
-            color,
-        )
-        for color in dict.fromkeys(part.color for part in parts)
-    ]
-
-
-def _body(
-    client: BulletClient, kind: int, form: dict[str, object], color: list[float]
-) -> int:
-    """Create a body from PyBullet's arguments; return its id."""
-    visual = client.createVisualShape(kind, **form, rgbaColor=color)
-    solid = {name: value for name, value in form.items() if name != "normals"}
-    box = client.createCollisionShape(kind, **solid)
-    return int(client.createMultiBody(0.0, box, visual))
-
-
-def _triangles(part: Part) -> Iterator[dict[str, object]]:
-    """Convert a part to PyBullet's arguments, ``BATCH_SIZE`` triangles at a time."""
-    for first in range(0, len(part.corners), BATCH_SIZE):
-        some = slice(first, first + BATCH_SIZE)
-        corners = part.corners[some].reshape(-1, 3)
-        yield {
-            "vertices": corners.tolist(),
-            "normals": part.normals[some].reshape(-1, 3).tolist(),
-            "indices": list(range(len(corners))),
-        }
-
-
-def _primitive(shape: Shape) -> dict[str, object]:
-    """Convert a primitive to PyBullet's arguments; its own round shapes are coarse."""
-    if shape.kind == "mesh":
-        return {}
-    if shape.kind == "box":
-        return {"halfExtents": [size / 2 for size in shape.size]}
-    surface = ROUND[shape.kind](*shape.size)
-    return {
-        "vertices": surface.vertices.tolist(),
-        "normals": surface.normals.tolist(),
-        "indices": surface.triangles.ravel().tolist(),
-    }
-
-
-AMBIENT, DIFFUSE, SPECULAR = 0.72, 0.55, 0.06
-"""Coefficients of ambient, diffuse and specular light."""
+from g1_description.robot.rotation import rotate
+from g1_description.robot.transform import IDENTITY
+from g1_description.sim.meshes.shapes import Part, find_meshes, is_there
 
 NOTHING = -1
 """The number of a pixel without a robot."""
@@ -142,45 +46,22 @@ SHADOW_BLUR = 2
 
 
 @dataclass(frozen=True)
-class _Piece:
-    """A visual shape in the scene."""
-
-    link: str
-    pose: np.ndarray
-    """In the frame of its link, shape (7,)."""
-
-    body: int
-    """PyBullet's id of it."""
-
-
-@dataclass(frozen=True)
 class _Robot:
     """The shapes and kinematics of one robot."""
 
     joints: tuple[str, ...]
     links: tuple[str, ...]
     kinematics: Kinematics
-    pieces: tuple[_Piece, ...]
+    pieces: tuple[tuple[str, Part], ...]
+    """Triangles in the frame of a link, and the link."""
 
 
 class Scene:
-    """Robots in the world; must be closed, or used in a ``with`` statement."""
+    """Robots in the world."""
 
     def __init__(self) -> None:
-        self._client = connect()
         self._robots: list[_Robot] = []
-
-    def __enter__(self) -> Scene:
-        """Enter a ``with`` statement."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Close the scene."""
-        self.close()
-
-    def close(self) -> None:
-        """Disconnect from PyBullet."""
-        self._client.disconnect()
+        self._poses: list[dict[str, np.ndarray]] = []
 
     def add(self, description: Description) -> tuple[int, tuple[str, ...]]:
         """Add a robot, its root at the origin and its joints at zero.
@@ -191,17 +72,16 @@ class Scene:
         Returns:
             The robot's number, from 0, and messages on what of it cannot be used.
         """
-        pieces, refused = [], []
         shapes = [
             (link.name, shape) for link in description.links for shape in link.visuals
         ]
         meshes, left_out = find_meshes(shape for _, shape in shapes)
-        for link, shape in shapes:
-            if is_there(shape, meshes):
-                mesh = meshes.get(shape.filename)
-                bodies, why_not = load_visual(self._client, shape, mesh)
-                pieces += [_Piece(link, shape.pose, body) for body in bodies]
-                refused += [why_not] if why_not else []
+        pieces = [
+            (link, part)
+            for link, shape in shapes
+            if is_there(shape, meshes)
+            for part in shape_parts(shape, meshes.get(shape.filename))
+        ]
         self._robots.append(
             _Robot(
                 tuple(joint.name for joint in description.movable_joints),
@@ -210,9 +90,10 @@ class Scene:
                 tuple(pieces),
             )
         )
+        self._poses.append({})
         number = len(self._robots) - 1
         self.place(number, IDENTITY, {})
-        return number, (*description.unread, *left_out, *dict.fromkeys(refused))
+        return number, (*description.unread, *left_out)
 
     def place(
         self, robot: int, T_world_root: np.ndarray, positions: Mapping[str, float]
@@ -228,21 +109,25 @@ class Scene:
         position = np.array([positions.get(name, 0.0) for name in figure.joints])
         poses = figure.kinematics.link_poses(T_world_root, position)
         by_link = dict(zip(figure.links, poses))
-        for piece in figure.pieces:
-            pose = compose(by_link.get(piece.link, T_world_root), piece.pose)
-            self._client.resetBasePositionAndOrientation(piece.body, pose[:3], pose[3:])
+        self._poses[robot] = {
+            link: by_link.get(link, T_world_root) for link, _ in figure.pieces
+        }
 
     def corners(self) -> np.ndarray:
-        """Return the corners of the axis-aligned bounding boxes of all shapes.
+        """Return the corners of the boxes around all shapes, along their links' axes.
 
         Returns:
             Points in the world, in [m], shape (8 n_shapes, 3).
         """
-        bodies = [piece.body for robot in self._robots for piece in robot.pieces]
-        boxes = np.array([self._client.getAABB(body) for body in bodies])
-        boxes = boxes.reshape(-1, 2, 3)
+        found = [np.zeros((0, 3))]
         choices = np.indices((2, 2, 2)).reshape(3, 8).T
-        return boxes[:, choices, np.arange(3)].reshape(-1, 3)
+        for robot, poses in zip(self._robots, self._poses):
+            for link, part in robot.pieces:
+                points = part.corners.reshape(-1, 3)
+                box = np.array([points.min(axis=0), points.max(axis=0)])
+                pose = poses[link]
+                found.append(pose[:3] + rotate(pose[3:], box[choices, np.arange(3)]))
+        return np.concatenate(found)
 
     def crop(self, camera: Camera, width: int, height: int) -> Crop:
         """Find the part of a picture, in pixels, that contains the robots."""
@@ -271,28 +156,40 @@ class Scene:
             none, shape (n, m).
         """
         rows, columns = (part.stop - part.start for part in crop)
-        if not rows or not columns:
-            return np.zeros((rows, columns, 3), np.uint8), np.zeros(
-                (rows, columns), int
-            )
-        _, _, rgba, _, bodies = self._client.getCameraImage(
-            columns,
-            rows,
-            *matrices(camera, width, height, crop),
-            lightDirection=list(camera.axes[2] if light is None else light),
-            lightAmbientCoeff=AMBIENT,
-            lightDiffuseCoeff=DIFFUSE,
-            lightSpecularCoeff=SPECULAR,
-            shadow=0,
-            renderer=self._client.ER_TINY_RENDERER,
+        toward = camera.axes[2] if light is None else light
+        found = self._triangles(camera, width, height)
+        found.corners[..., :2] -= [crop[1].start, crop[0].start]
+        return rasterizer.draw(found, rows, columns, toward, NOTHING)
+
+    def _triangles(
+        self, camera: Camera, width: int, height: int
+    ) -> rasterizer.Triangles:
+        """Project all triangles to the pixels of a picture, but those at the eye."""
+        points, normals, colors, owners = [], [], [], []
+        for number, (robot, poses) in enumerate(zip(self._robots, self._poses)):
+            for link, part in robot.pieces:
+                pose = poses[link]
+                points.append(pose[:3] + rotate(pose[3:], part.corners))
+                normals.append(rotate(pose[3:], part.normals))
+                color = 255.0 * np.array((part.color or GREY)[:3])
+                colors.append(np.tile(color, (len(part.corners), 1)))
+                owners.append(np.full(len(part.corners), number))
+        if not points:
+            none = np.zeros((0, 3, 3))
+            return rasterizer.Triangles(none, none, np.zeros((0, 3)), np.zeros(0, int))
+        world = np.concatenate(points)
+        flat = world.reshape(-1, 3)
+        away = camera.range - (flat - camera.target) @ camera.axes[2]
+        kept = (away.reshape(-1, 3) > NEAREST * camera.range).all(axis=1)
+        right, up = camera.seen(flat).T * width
+        places = [right + width / 2 - 0.5, height / 2 - 0.5 - up, 1.0 / away]
+        corners = np.stack(places, axis=-1).reshape(-1, 3, 3)
+        return rasterizer.Triangles(
+            corners[kept],
+            np.concatenate(normals)[kept],
+            np.concatenate(colors)[kept],
+            np.concatenate(owners)[kept],
         )
-        rgb = np.reshape(rgba, (rows, columns, 4))[:, :, :3].astype(np.uint8)
-        pairs = [(p.body, n) for n, r in enumerate(self._robots) for p in r.pieces]
-        # Robots by PyBullet's ids of bodies; the last row is for none.
-        owners = np.full(max((body for body, _ in pairs), default=0) + 2, NOTHING)
-        for body, number in pairs:
-            owners[body] = number
-        return rgb, owners[np.reshape(bodies, (rows, columns))]
 
 
 def backdrop(
