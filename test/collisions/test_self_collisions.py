@@ -1,5 +1,8 @@
 """Collisions of robots with themselves: against geometry, and against hpp-fcl."""
 
+import io
+import subprocess
+import sys
 from dataclasses import fields
 from itertools import combinations
 
@@ -7,10 +10,19 @@ import numpy as np
 import pytest
 from oracle import matrix_of
 from robots import link
+from scipy.optimize import nnls
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
+from g1_description import Robot
 from g1_description.collisions.allowed_pairs import USER, AllowedPair, AllowedPairs
+from g1_description.collisions.closest_points import ClosestPoints
+from g1_description.collisions.convex_shapes import (
+    ConvexShape,
+    Separation,
+    ShapePairs,
+    axes_of,
+)
 from g1_description.collisions.find_pairs import adjacent_pairs, random_poses
 from g1_description.collisions.self_collisions import SelfCollisions
 from g1_description.errors import AllowedPairsError, InvalidValueError
@@ -230,6 +242,119 @@ def test_where_the_robot_stands_does_not_matter(g1_robot):
     assert turned.apply(first.points_a[:1]) + 9 == pytest.approx(
         second.points_a[:1], abs=1e-3
     )
+
+
+PLATE = [[0.0, 0.1, 0.0], [0.2, 0.0, 0.0], [0.1, 0.3, 0.0], [-0.1, 0.2, 0.0]]
+OFFSETS = [
+    [0, 0, 0],
+    [0.02, 0, 0],
+    [0.1, 0.1, 0.02],
+    [0.2, 0, 0],
+    [0.2000005, 0, 0],
+    [0.2, 0.3, 0.1],
+]
+
+
+def convex_shapes():
+    """Make hulls, a ball, a box, a flat plate, a rod and a point."""
+    random = np.random.RandomState(5)
+    round_points = random.normal(size=(40, 3))
+    round_points /= 10.0 * np.linalg.norm(round_points, axis=1, keepdims=True)
+    corners = np.array(np.meshgrid(*[(-0.1, 0.1)] * 3)).reshape(3, 8).T
+    rod = np.array([[0.0, 0.0, -0.1], [0.0, 0.1, 0.1]])
+    blocks = [0.1 * random.normal(size=(12, 3)), round_points, corners, np.array(PLATE)]
+    shapes = [ConvexShape(0, points, 0.0) for points in blocks]
+    return [
+        *shapes,
+        ConvexShape(0, rod, 0.03),
+        ConvexShape(0, np.array([[0.01, 0.02, 0.03]]), 0.05),
+    ]
+
+
+def distance_to(points):
+    """Measure from the origin to a hull: the shortest convex combination."""
+    shares, _ = nnls(np.vstack([points.T, np.ones(len(points))]), [0, 0, 0, 1])
+    return np.linalg.norm(shares @ points / shares.sum())
+
+
+def gap_between(a, b):
+    """Measure a gap or an overlap by the hull of all differences."""
+    differences = (b[:, np.newaxis] - a).reshape(-1, 3)
+    try:
+        hull = ConvexHull(differences)
+    except (RuntimeError, ValueError):  # flat
+        return distance_to(differences)
+    depth = hull.equations[:, 3].max()
+    return depth if depth <= 0.0 else distance_to(differences[hull.vertices])
+
+
+def every_pair(shapes):
+    """Place all pairs of shapes, parallel and turned, inside each other and apart."""
+    turns = [Rotation.identity(), *Rotation.random(2, random_state=2)]
+    cases = [
+        (a, b, turn.as_quat(), size * np.array(offset))
+        for a in range(len(shapes))
+        for b in range(len(shapes))
+        for turn in turns
+        for offset in OFFSETS
+        for size in (1.0, -1.0)
+    ]
+    a, b, rotations, origins = (np.array(column) for column in zip(*cases))
+    return ShapePairs(a, b, axes_of(rotations), origins, rotations)
+
+
+def test_gaps_and_overlaps_are_exact_without_pybullet():
+    """Against the hull of the differences of all points, degenerate shapes too."""
+    shapes = convex_shapes()
+    placed = every_pair(shapes)
+    found = ClosestPoints(shapes, Separation(shapes)).find(placed)
+    for a, b, axes, origin, width, normal, point in zip(
+        placed.a, placed.b, placed.axes, placed.origin, *found
+    ):
+        first, second = shapes[a], shapes[b]
+        others = second.points @ axes.T + origin
+        radius = first.radius + second.radius
+        assert width == pytest.approx(
+            gap_between(first.points, others) - radius, 0, 1e-6
+        )
+        assert np.linalg.norm(normal) == pytest.approx(1.0)
+        at_a = point - first.radius * normal
+        at_b = point + (width + second.radius) * normal
+        assert distance_to(first.points - at_a) < 1e-5
+        assert distance_to(others - at_b) < 1e-5
+
+
+def test_a_gap_without_pybullet_does_not_depend_on_others():
+    shapes = convex_shapes()
+    placed, points = every_pair(shapes), ClosestPoints(shapes, Separation(shapes))
+    together = points.find(placed)
+    order = np.random.RandomState(0).permutation(len(placed.a))
+    for rows in (order, order[:40], order[40:41], order[41:42]):
+        for all_values, values in zip(together, points.find(placed[rows])):
+            assert np.array_equal(all_values[rows], values)
+
+
+WITHOUT_PYBULLET = """
+import sys
+sys.modules["pybullet"] = None
+import numpy as np
+from g1_description import Robot
+robot = Robot(sys.argv[1])
+positions = robot.random_configuration(3, size=20)
+found = robot.self_collisions(positions, margin=0.02)
+np.savetxt(sys.stdout, np.stack([found.sample, found.pair, found.distance], axis=-1))
+"""
+
+
+def test_without_pybullet_the_same_contacts_are_found(g1_file):
+    command = [sys.executable, "-c", WITHOUT_PYBULLET, str(g1_file)]
+    done = subprocess.run(command, stdout=subprocess.PIPE, check=True)
+    sample, pair, distance = np.loadtxt(io.BytesIO(done.stdout)).T
+    robot = Robot(str(g1_file))
+    positions = robot.random_configuration(3, size=20)
+    found = robot.self_collisions(positions, margin=0.02)
+    assert (found.sample == sample).all() and (found.pair == pair).all()
+    assert found.distance == pytest.approx(distance, abs=1e-4)
 
 
 class Oracle:

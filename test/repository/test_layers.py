@@ -66,7 +66,7 @@ ONE_MODULE = {
     "pybullet_utils": "sim.bullet.client",
     "resource": "sim.meshes.read_meshes",
     "distributed": "checks.cluster",
-    "daqp": "ik.solver",
+    "daqp": "collisions.closest_points ik.solver",
     "tqdm": "cli.progress",
     "interactive_markers": "interactive.markers",
 }

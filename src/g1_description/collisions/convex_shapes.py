@@ -14,7 +14,6 @@ from g1_description.robot.assembly import WORLD
 from g1_description.robot.description import Description, Link, Shape
 from g1_description.robot.rotation import rotate
 from g1_description.sim.meshes.hulls import (
-    hull_normals,
     hull_points,
     hull_vertices,
     outline,
@@ -294,7 +293,6 @@ class Separation:
         middles = [(s.points.min(axis=0) + s.points.max(axis=0)) / 2 for s in shapes]
         self._middle = np.array(middles).reshape(-1, 3)
         self._padded = _padded([shape.points for shape in shapes])
-        self._normals = [hull_normals(shape.points) for shape in shapes]
 
     def apart(self, placed: ShapePairs, gap: float) -> np.ndarray:
         """Find pairs that a plane separates, by their farthest points.
@@ -349,15 +347,24 @@ class Separation:
         middle_b = turn(placed.axes, self._middle[placed.b]) + placed.origin
         return _unit(middle_b - self._middle[placed.a])
 
-    def normals(self, placed: ShapePairs, row: int) -> np.ndarray:
-        """Return the normals of all faces of a pair, those of b reversed.
+    def ends(self, which: np.ndarray, directions: np.ndarray) -> np.ndarray:
+        """Find the farthest points of shapes along directions.
+
+        Args:
+            which: Indices of shapes, shape (n,).
+            directions: In the frames of their links, shape (n, k, 3).
 
         Returns:
-            Unit vectors in the frame of a, shape (n, 3).
+            In the same frames, in [m], shape (n, k, 3).
         """
-        of_a = self._normals[placed.a[row]]
-        of_b = self._normals[placed.b[row]]
-        return np.concatenate([of_a, -turn(placed.axes[[row] * len(of_b)], of_b)])
+        order = np.argsort(which, kind="stable")
+        shapes, first = np.unique(which[order], return_index=True)
+        result = np.zeros(directions.shape)
+        for shape, rows in zip(shapes.tolist(), np.split(order, first[1:])):
+            some = directions[rows]
+            found = _farthest(self._shapes[shape], some.reshape(-1, 3))
+            result[rows] = found.reshape(some.shape)
+        return result
 
     def faces(
         self, placed: ShapePairs, direction: np.ndarray

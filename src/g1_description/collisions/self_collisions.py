@@ -1,26 +1,24 @@
 """Self-collisions of a robot in many configurations.
 
 Three vectorized stages exclude pairs of shapes that are certainly apart: bounding
-spheres, bounding boxes, and a search for a separating plane. PyBullet then finds the
-direction of least overlap, pair by pair. The distance is that of the two planes normal
-to this direction that bound the shapes. It is independent of PyBullet's precision, and
-never more than the true distance.
+spheres, bounding boxes, and a search for a separating plane. The others are measured
+with PyBullet, or exactly where it is not installed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, fields
+from functools import cached_property
 from itertools import combinations
-from operator import itemgetter
-from typing import Any, Tuple
+from typing import Any
 
 import numpy as np
 
 from g1_description.collisions.allowed_pairs import AllowedPair, AllowedPairs
+from g1_description.collisions.closest_points import ClosestPoints, Gaps
 from g1_description.collisions.convex_shapes import (
     Bounds,
-    ConvexShape,
     Separation,
     ShapePairs,
     axes_of,
@@ -33,24 +31,15 @@ from g1_description.errors import InvalidValueError
 from g1_description.former import former
 from g1_description.robot.assembly import rigid_frames
 from g1_description.robot.description import Description
-from g1_description.robot.rotation import from_z
-from g1_description.sim.bullet.client import connect, pybullet
 
 CHUNK = 256
 """Configurations per chunk; limits memory, and does not affect results."""
 
+NO_GAPS: Gaps = (np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
+
 SLACK = 5e-4
 """Additional gap of pairs that are excluded early, in [m]: more than PyBullet's error,
 so results do not depend on the stage."""
-
-DOUBT = 1e-4
-"""Largest difference between PyBullet's distance and that of the planes, in [m]; a
-larger one means that the direction is wrong."""
-
-_Gaps = Tuple[np.ndarray, np.ndarray, np.ndarray]
-"""Widths of gaps in [m], negative for overlaps, infinite for shapes far apart, shape
-(n,); directions from a to b, and points of a in [m], in the frames of a's links, shapes
-(n, 3)."""
 
 
 @dataclass(frozen=True)
@@ -89,82 +78,10 @@ class Contacts:
         )
 
 
-MARGIN = 0.001
-"""Thickness that PyBullet adds to a hull on all sides, in [m]."""
-
-
-class ClosestPoints:
-    """The shapes of a robot in a separate PyBullet client.
-
-    Each shape exists twice, at the origin and placed relative to another shape, so
-    results depend only on their relative pose.
-    """
-
-    def __init__(self, shapes: Sequence[ConvexShape]) -> None:
-        self._client = connect()
-        self._margin = [0.0 if shape.radius else MARGIN for shape in shapes]
-        forms = [self._create(shape) for shape in shapes]
-        self._still, self._placed = (
-            [self._client.createMultiBody(0.0, form) for form in forms]
-            for _ in range(2)
-        )
-
-    def _create(self, shape: ConvexShape) -> int:
-        """Create a shape; return its number."""
-        client = self._client
-        if shape.radius:
-            center = shape.points.mean(axis=0).tolist()
-            form = {"radius": shape.radius, "collisionFramePosition": center}
-            if len(shape.points) == 1:
-                return int(client.createCollisionShape(pybullet.GEOM_SPHERE, **form))
-            along = shape.points[1] - shape.points[0]
-            form["height"] = float(np.linalg.norm(along))
-            form["collisionFrameOrientation"] = from_z(along).tolist()
-            return int(client.createCollisionShape(pybullet.GEOM_CAPSULE, **form))
-        vertices = shape.points.tolist()
-        return int(client.createCollisionShape(pybullet.GEOM_MESH, vertices=vertices))
-
-    def find(
-        self, placed: ShapePairs, reach: float
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Find the closest or deepest points of shapes.
-
-        Args:
-            placed: Pairs of shapes.
-            reach: Pairs farther apart than this may be ignored, in [m].
-
-        Returns:
-            Distances in [m], negative for overlaps, NaN if PyBullet found nothing,
-            shape (n,). Their error is 0.05 mm, but some millimetres in three of ten
-            thousand pairs. Directions from a to b, and midpoints, in the frames of a's
-            links, shapes (n, 3).
-        """
-        # The functions of the module are a microsecond faster than the client's.
-        move, find = pybullet.resetBasePositionAndOrientation, pybullet.getClosestPoints
-        client = self._client._client
-        rows = zip(
-            placed.a.tolist(),
-            placed.b.tolist(),
-            placed.origin.tolist(),
-            placed.rotation.tolist(),
-        )
-        found = np.full((len(placed.a), 10), np.nan)
-        for row, (a, b, origin, rotation) in enumerate(rows):
-            body = self._placed[b]
-            move(body, origin, rotation, physicsClientId=client)
-            points = find(self._still[a], body, reach, physicsClientId=client)
-            if points:
-                deepest = min(points, key=itemgetter(8))
-                thick = self._margin[a] + self._margin[b]
-                found[row] = (deepest[8] + thick, *deepest[7], *deepest[5], *deepest[6])
-        return found[:, 0], -found[:, 1:4], (found[:, 4:7] + found[:, 7:]) / 2.0
-
-
 class SelfCollisions:
     """Finds self-collisions of a robot.
 
-    Allowed pairs and links connected by fixed joints are not checked. Uses a PyBullet
-    client of its own.
+    Allowed pairs and links connected by fixed joints are not checked.
     """
 
     def __init__(
@@ -214,13 +131,12 @@ class SelfCollisions:
 
     def _prepare(self) -> None:
         self._bounds, self._separation = Bounds(self.shapes), Separation(self.shapes)
-        self._closest = ClosestPoints(self.shapes)
         # Cached: listing takes as long as checking one configuration.
         self._all = self._shape_pairs(range(len(self.pairs)))
 
     def __getstate__(self) -> dict[str, Any]:
         """Pickle without PyBullet."""
-        own = ("_bounds", "_separation", "_closest", "_all")
+        own = ("_bounds", "_separation", "_find_gaps", "_all")
         return {name: v for name, v in self.__dict__.items() if name not in own}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -291,7 +207,8 @@ class SelfCollisions:
             first: Index of the first configuration.
         """
         sample, pair, placed = self._candidates(link_poses, rows, margin + SLACK)
-        width, direction, point_a = self._measure(placed, margin)
+        gaps = self._find_gaps(placed, margin + SLACK) if len(placed.a) else NO_GAPS
+        width, direction, point_a = gaps
         near = np.flatnonzero(width < margin)
         sample, pair, distance = sample[near], pair[near], width[near]
         pose = link_poses[sample, self._link[placed.a[near]]]
@@ -327,60 +244,14 @@ class SelfCollisions:
         kept = kept[~self._separation.apart(placed[kept], gap)]
         return sample[kept], pair[kept], placed[kept]
 
-    def _measure(self, placed: ShapePairs, margin: float) -> _Gaps:
-        """Measure the gaps between pairs."""
-        if not len(placed.a):
-            return np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3))
-        distance, direction, middle = self._closest.find(placed, margin + SLACK)
-        is_near = ~np.isnan(distance)
-        direction[~is_near], middle[~is_near] = 0.0, 0.0
-        gaps = self._gaps(placed, direction, middle)
-        width = gaps[0]
-        width[~is_near] = np.inf
-        near = np.flatnonzero(is_near)  # numpy 1.17 warns about comparisons with NaN
-        for row in near[np.abs(width[near] - distance[near]) > DOUBT].tolist():
-            self._reconsider(gaps, placed, row, middle[row])
-        return gaps
-
-    def _gaps(
-        self, placed: ShapePairs, direction: np.ndarray, middle: np.ndarray
-    ) -> _Gaps:
-        """Measure gaps along directions, about points in the middle.
-
-        Args:
-            placed: Pairs of shapes.
-            direction: From a to b, in the frames of a's links, shape (n, 3).
-            middle: In the same frames, in [m], shape (n, 3).
-        """
-        end_a, end_b = self._separation.faces(placed, direction)
-        x, y, z = (middle * direction).T
-        point_a = middle + (end_a - (x + y + z))[:, np.newaxis] * direction
-        return end_b - end_a, direction, point_a
-
-    def _reconsider(
-        self, gaps: _Gaps, placed: ShapePairs, row: int, middle: np.ndarray
-    ) -> None:
-        """Improve a gap whose direction is not the best one.
-
-        The right direction is that with the widest gap. Mostly it is the normal of a
-        face; PyBullet often finds it when the two shapes are swapped.
-
-        Args:
-            gaps: The gaps.
-            placed: Pairs of shapes.
-            row: Index of the pair.
-            middle: Point in the middle of the gap, in the frame of a's link, shape
-                (3,).
-        """
-        distance, direction, _ = self._closest.find(placed[[row]].swapped(), SLACK)
-        others = -turn(placed.axes[[row]], direction)[~np.isnan(distance)]
-        tried = np.concatenate([others, self._separation.normals(placed, row)])
-        if len(tried):
-            tries = self._gaps(placed[[row] * len(tried)], tried, middle)
-            best = tries[0].argmax()
-            if tries[0][best] > gaps[0][row]:
-                for values, better in zip(gaps, tries):
-                    values[row] = better[best]
+    @cached_property
+    def _find_gaps(self) -> Callable[[ShapePairs, float], Gaps]:
+        """Use PyBullet where it is: ours is slower for shapes that overlap."""
+        try:
+            from g1_description.collisions.bullet_points import BulletPoints
+        except ImportError:
+            return ClosestPoints(self.shapes, self._separation).find
+        return BulletPoints(self.shapes, self._separation).find
 
 
 def _deepest(found: Contacts) -> np.ndarray:

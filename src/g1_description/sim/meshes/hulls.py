@@ -55,6 +55,12 @@ the tolerance would never end."""
 MAX_HEIGHTS = 2_000_000
 """Heights of points above faces per chunk: 16 MB."""
 
+FLAT = 1e-7
+"""Extent up to which a hull counts as flat, in [m]."""
+
+SAME = 1e-14
+"""Less than one by which the product of two normals of one plane may be."""
+
 TINY = 1e-300
 """Avoids division by zero."""
 
@@ -194,20 +200,33 @@ def hull_vertices(points: np.ndarray) -> np.ndarray:
         return points
 
 
-def hull_normals(points: np.ndarray) -> np.ndarray:
+def hull_normals(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Compute the outward normals of the faces of a convex hull.
 
+    A hull without volume has those of a prism: of its shape, however thick.
+
     Args:
-        points: In any frame, shape (n, 3).
+        points: In any frame, in [m], shape (n, 3).
 
     Returns:
-        Unit vectors, shape (m, 3); empty without volume.
+        Unit vectors, shape (m, 3); rows of the two at each edge, shape (k, 2), without
+        edges between triangles of one face.
     """
-    convex_hull = _qhull()
-    try:
-        return convex_hull(points).equations[:, :3]
-    except HULL_ERRORS:
-        return np.zeros((0, 3))
+    hull = _qhull()(_thick(points))
+    normals = hull.equations[:, :3]
+    edges = np.stack([np.repeat(np.arange(len(normals)), 3), hull.neighbors.ravel()], 1)
+    edges = edges[edges[:, 0] < edges[:, 1]]
+    first, second = normals[edges[:, 0]], normals[edges[:, 1]]
+    return normals, edges[(first * second).sum(axis=1) < 1.0 - SAME]
+
+
+def _thick(points: np.ndarray) -> np.ndarray:
+    """Add points along the directions in which a hull has no extent."""
+    axes = np.linalg.svd(points - points.mean(axis=0))[2]
+    extents = np.ptp(points @ axes.T, axis=0)
+    for axis in axes[extents <= FLAT]:
+        points = np.concatenate([points + axis, points - axis])
+    return points
 
 
 def thinned(points: np.ndarray, tolerance: float) -> tuple[np.ndarray, float]:
