@@ -357,6 +357,20 @@ def test_without_pybullet_the_same_contacts_are_found(g1_file):
     assert found.distance == pytest.approx(distance, abs=1e-4)
 
 
+KEPT_TO_THE_END = """
+import numpy
+from g1_description import Robot
+robot = numpy.robot = Robot()
+robot.self_collisions(robot.random_configuration(1))
+"""
+
+
+def test_a_robot_that_lives_to_the_end_prints_nothing():
+    command = [sys.executable, "-c", KEPT_TO_THE_END]
+    done = subprocess.run(command, stderr=subprocess.PIPE, check=True)
+    assert done.stderr == b""
+
+
 class Oracle:
     """hpp-fcl on the hulls of a robot, as they are in the files."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import ctypes
 import os
@@ -50,6 +51,9 @@ def _without_stdout_of_c() -> Iterator[None]:
 with _without_stderr():  # it prints its build time
     import pybullet
     from pybullet_utils.bullet_client import BulletClient
+
+# Its destructor fails once the interpreter has cleared PyBullet's module.
+atexit.register(delattr, BulletClient, "__del__")
 
 
 def connect() -> BulletClient:
