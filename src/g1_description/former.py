@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
 from functools import wraps
-from typing import Any, TypeVar
+from typing import Any, Callable, TypeVar
 
 from g1_description.text import did_you_mean
 

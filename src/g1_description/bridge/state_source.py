@@ -6,8 +6,7 @@ import contextlib
 import math
 import threading
 import time
-from collections.abc import Mapping
-from typing import Callable
+from typing import Callable, Mapping
 
 import rosgraph
 import rospy
