@@ -49,6 +49,7 @@ def _requirement(library: str) -> str | None:
         lines = metadata.requires(PACKAGE) or ()
     except metadata.PackageNotFoundError:  # built by catkin
         return None
-    name = re.sub(r"[-_.]+", "[-_.]+", library)
+    name = re.compile(re.sub(r"[-_.]+", "[-_.]+", library) + r"\b", re.IGNORECASE)
     pairs = (line.partition(";") for line in lines)
-    return next((m for n, _, m in pairs if re.match(rf"{name}\b", n, re.I)), None)
+    markers = (marker for needed, _, marker in pairs if name.match(needed))
+    return next((marker for marker in markers if "all" not in marker), None)
