@@ -49,6 +49,7 @@ FOREIGN = {
 }
 FOREIGN |= {
     "export",
+    "mkdocs",
     "python",
     "rosbag",
     "rosnode",
