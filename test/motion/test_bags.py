@@ -29,7 +29,7 @@ from trajectory_msgs.msg import (
 from g1_description.bridge import recorded_file as write
 from g1_description.bridge.recorded_file import room_of, write_motion_file
 from g1_description.errors import MotionError
-from g1_description.motion.files import bag as bag_files
+from g1_description.motion.files import recordings
 from g1_description.motion.files.formats import read_motion
 from g1_description.motion.files.source import ReadOptions
 
@@ -117,7 +117,7 @@ def test_a_bag_is_read_as_it_was_written(tmp_path, base):
 def test_as_many_samples_as_are_promised_are_read_again(tmp_path, monkeypatch):
     path, names = tmp_path / "a.bag", [KNEE]
     assert room_of(path, names, True) == (122_500, False)
-    for module in (write, bag_files):
+    for module in (write, recordings):
         monkeypatch.setattr(module, "MAX_MESSAGES", 1000)
     count = room_of(path, names, True).samples
     wanted = trajectory(4, count, 29, np.arange(count) / 64)

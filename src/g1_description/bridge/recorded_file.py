@@ -11,7 +11,7 @@ from g1_description.errors import MotionError
 from g1_description.files.atomic import whole_file, write_whole
 from g1_description.motion.files import formats
 from g1_description.motion.files.arrays import MAX_SIZE
-from g1_description.motion.files.bag import MAX_MESSAGES
+from g1_description.motion.files.recordings import MAX_MESSAGES
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 
