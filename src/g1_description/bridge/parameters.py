@@ -14,7 +14,7 @@ import tf2_ros
 
 from g1_description.bridge.controllers import Controller, read_controllers
 from g1_description.errors import InvalidValueError
-from g1_description.robot.assembly import base_of
+from g1_description.robot.assembly import base_frame, base_of
 from g1_description.robot.description import Description
 from g1_description.robot.transform import IDENTITY
 from g1_description.ros.conversions import transform
@@ -226,18 +226,9 @@ def topic_of(robot: RobotParameters, name: str) -> str:
 
 
 def base_child(parameters: BridgeParameters, description: Description) -> str | None:
-    """Return the robot's frame that the map is the parent of.
-
-    Returns:
-        base_link; the floating base, where base_link is a link below it, which has a
-        parent already; None where the robot is fixed to the world or the map.
-    """
+    """Return the robot's frame that the map is the parent of, or None."""
     p = parameters
-    root, _ = base_of(description)
-    if root in (p.world_frame, p.map_frame):
-        return None
-    below = p.base_frame in description.link_names and p.base_frame != root
-    return root if below else p.base_frame
+    return base_frame(description, p.base_frame, (p.world_frame, p.map_frame))
 
 
 def static_edges(

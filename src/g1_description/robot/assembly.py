@@ -19,6 +19,12 @@ SCOPE = "::"
 WORLD = "world"
 """A root link with this name is the world itself, not a body."""
 
+MAP = "map"
+"""The usual frame in which a base moves."""
+
+BASE_FRAME = "base_link"
+"""The usual frame of a base."""
+
 
 def base_of(description: Description) -> tuple[str, np.ndarray]:
     """Find the link whose pose is that of the robot.
@@ -35,6 +41,28 @@ def base_of(description: Description) -> tuple[str, np.ndarray]:
             if joint.parent == WORLD and joint.kind in FREE:
                 return joint.child, joint.pose
     return description.root, IDENTITY
+
+
+def base_frame(
+    description: Description,
+    base: str = BASE_FRAME,
+    fixed: Collection[str] = (WORLD, MAP),
+) -> str | None:
+    """Return the robot's frame that the map is the parent of.
+
+    Args:
+        description: The robot as its file has it.
+        base: Name of the frame of the base.
+        fixed: Frames that do not move.
+
+    Returns:
+        ``base``; the floating base, where ``base`` is a link below it, which has a
+        parent already; None where the robot is fixed to the world or the map.
+    """
+    root, _ = base_of(description)
+    if root in fixed:
+        return None
+    return root if base in description.link_names else base
 
 
 def root_in_base(description: Description) -> np.ndarray:

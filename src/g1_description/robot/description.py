@@ -162,6 +162,9 @@ class Description:
     left_out: tuple[str, ...] = ()
     """Messages on ignored elements for simulators."""
 
+    urdf: str = field(default="", repr=False, compare=False)
+    """The file, with the names of meshes as written; empty if it was not URDF."""
+
     given_profile: Profile | None = field(default=None, repr=False, compare=False)
     """The profile that the user chose; None: the one that fits."""
 

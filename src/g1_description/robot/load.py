@@ -140,9 +140,10 @@ def read_absolute(requested: str) -> ModelText:
         DescriptionError: If the file cannot be read, or is not a robot.
     """
     try:
-        path, text, profile = _read_model(requested)
-        text = with_absolute_uris(text, path.parent, find_folder, path.stem)
-        return ModelText(path, text, replace(parse_urdf(text), given_profile=profile))
+        path, written, profile = _read_model(requested)
+        text = with_absolute_uris(written, path.parent, find_folder, path.stem)
+        read = replace(parse_urdf(text), given_profile=profile, urdf=written)
+        return ModelText(path, text, read)
     except G1DescriptionError as error:
         why = str(error).rstrip(".")
         end = "" if why.endswith("?") else "."

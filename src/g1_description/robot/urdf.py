@@ -182,7 +182,8 @@ def parse_urdf(text: str) -> Description:
     """
     check_size("The robot description", len(text))
     try:
-        return _description(parse_xml("robot description", text))
+        found = _description(parse_xml("robot description", text))
+        return replace(found, urdf=text)
     except DescriptionError as error:
         if not _is_xacro(text):
             raise
