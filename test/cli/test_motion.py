@@ -331,7 +331,7 @@ def test_one_or_all_motions_of_a_file_are_taken(motions, capsys):
         ("convert . --out a.csv", "--out must be a folder for 2 motions"),
         (
             "convert motion0.csv --out a.pkl --joint-order isaaclab",
-            "--joint-order is for csv, npz, bag: the format gmr has one order",
+            "--joint-order is for csv, npz, bag, mcap: the format gmr has one order",
         ),
     ],
 )

@@ -26,7 +26,6 @@ from trajectory_msgs.msg import (
     MultiDOFJointTrajectoryPoint,
 )
 
-from g1_description.bridge import recorded_file as write
 from g1_description.bridge.recorded_file import room_of, write_motion_file
 from g1_description.errors import MotionError
 from g1_description.motion.files import recordings
@@ -114,11 +113,11 @@ def test_a_bag_is_read_as_it_was_written(tmp_path, base):
         assert ("/tf (map to base_link)" in motion.notes[0]) == base
 
 
-def test_as_many_samples_as_are_promised_are_read_again(tmp_path, monkeypatch):
-    path, names = tmp_path / "a.bag", [KNEE]
+@pytest.mark.parametrize("ending", [".bag", ".mcap"])
+def test_as_many_samples_as_are_promised_are_read_again(tmp_path, monkeypatch, ending):
+    path, names = (tmp_path / "a").with_suffix(ending), [KNEE]
     assert room_of(path, names, True) == (122_500, False)
-    for module in (write, recordings):
-        monkeypatch.setattr(module, "MAX_MESSAGES", 1000)
+    monkeypatch.setattr(recordings, "MAX_MESSAGES", 1000)
     count = room_of(path, names, True).samples
     wanted = trajectory(4, count, 29, np.arange(count) / 64)
     write_motion_file(path, wanted, G1)

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import REPOSITORY
+from ros2_bags import odometry, ros2_bag, state
 from scipy.spatial.transform import Rotation
 
 from g1_description.errors import MotionError, NoMotionError
@@ -315,7 +316,17 @@ def sonic():
     }
 
 
+def recorded():
+    messages = []
+    for number, (row, pose) in enumerate(zip(POSITIONS, BASE)):
+        stamp = 10**9 + number * 20_000_000
+        messages.append(("/joint_states", stamp, state(stamp, G1_JOINTS[29], row)))
+        messages.append(("/odom", stamp, odometry(stamp, pose)))
+    return ros2_bag(messages)
+
+
 WHOLE = {
+    "ros2.mcap": ("mcap", recorded),
     "qpos.npz": ("qpos", lambda: npz(qpos=QPOS, fps=50)),
     "hdmi": (
         "hdmi",

@@ -14,6 +14,7 @@ import zlib
 import numpy as np
 import pytest
 from conftest import REPOSITORY
+from mcap.writer import Writer
 
 from g1_description.motion.files import gmr
 
@@ -115,11 +116,22 @@ def bz2_bomb():
     return base64.b64decode(PACKED_ZEROS)
 
 
+def zstd_bomb():
+    """Give 300 MB of zeros in a chunk."""
+    file = io.BytesIO()
+    writer = Writer(file)
+    writer.start()
+    writer.add_message(writer.register_channel("/a", "", 0), 1, bytes(300_000_000), 1)
+    writer.finish()
+    return file.getvalue()
+
+
 HOSTILE = {
     "bag of bz2": (
         lambda: bag(bz2_bomb(), b"bz2", 10**6),
         "A chunk of the bag has more than 100 MB",
     ),
+    "mcap of zstd": (zstd_bomb, "A chunk of the bag has more than 100 MB"),
     "bytes of 10 GB": (
         lambda: b"\x80\x05\x96" + struct.pack("<Q", 10**10) + bytes(100),
         "The pickle cannot be read: MemoryError",

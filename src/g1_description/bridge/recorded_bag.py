@@ -11,7 +11,7 @@ from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
 from g1_description.bridge.parameters import BridgeParameters, base_child, static_edges
-from g1_description.errors import MotionError
+from g1_description.motion.files.recordings import stamps_of
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.robot.transform import IDENTITY
@@ -23,10 +23,7 @@ MAX_STAMP = (1 << 32) * 1_000_000_000 - 1
 def write_bag(path: Path, motion: Motion, robot: Description, begin: int) -> None:
     """Write joint_states, and the base on TF with the same stamps."""
     t, frames = motion, BridgeParameters()
-    times = (t.times - t.times[0]).tolist()
-    stamps = [begin + round(time * 1e9) for time in times]
-    if stamps[-1] > MAX_STAMP:
-        raise MotionError(f"The stamp {stamps[-1] / 1e9:g} s is too large for a bag.")
+    stamps = stamps_of(motion, begin, MAX_STAMP)
     base = base_child(frames, robot)
     with rosbag.Bag(str(path), "w") as bag:
         _write_static(bag, stamp_from_ns(begin), static_edges(frames, robot))

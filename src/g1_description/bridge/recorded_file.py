@@ -10,19 +10,16 @@ from typing import NamedTuple
 from g1_description.errors import MotionError
 from g1_description.files.atomic import whole_file, write_whole
 from g1_description.motion.files import formats
-from g1_description.motion.files.arrays import MAX_SIZE
-from g1_description.motion.files.recordings import MAX_MESSAGES
+from g1_description.motion.files.mcap_writer import write_mcap
+from g1_description.motion.files.recordings import MIN_STAMP, most_samples
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 
 BAG = ".bag"
-ENDINGS = (*formats.WRITTEN, BAG)
+STAMPED = (BAG, ".mcap")
+"""Recordings, whose samples have stamps."""
 
-MIN_STAMP = 1
-"""The first stamp of a bag, in [ns]: zero means no stamp in ROS."""
-
-SPARE = 0.98
-"""Fraction of the readable size that is used: a bag also has headers."""
+ENDINGS = (*formats.WRITTEN, *STAMPED)
 
 
 class Room(NamedTuple):
@@ -64,11 +61,9 @@ def room_of(path: Path, joints: Sequence[str], has_base: bool) -> Room:
         MotionError: If the format does not support the motion.
     """
     ending = path.suffix.lower()
-    if ending != BAG:
-        return Room(formats.most_samples(ending, joints, has_base), ending == ".npz")
-    n_messages = 2 if has_base else 1
-    counts = MAX_MESSAGES / n_messages, MAX_SIZE / (len(joints) or 1)
-    return Room(int(SPARE * min(counts)), False)
+    if ending in STAMPED:
+        return Room(most_samples(joints, has_base or ending != BAG), False)
+    return Room(formats.most_samples(ending, joints, has_base), ending == ".npz")
 
 
 def write_motion_file(
@@ -85,8 +80,8 @@ def write_motion_file(
         motion: The motion.
         robot: The robot that moves.
         rate: Samples per second of an npz, in [Hz]; None: those of the motion.
-        begin: Stamp of the first sample, in [ns], which bags have; in a csv it is a
-            comment.
+        begin: Stamp of the first sample, in [ns], which recordings have; in a csv it
+            is a comment.
 
     Returns:
         Messages on differences from the motion.
@@ -99,15 +94,19 @@ def write_motion_file(
         raise MotionError(
             f"Unknown format of {path.name}: it must end in {' or '.join(ENDINGS)}."
         )
-    if path.suffix.lower() != BAG:
+    if path.suffix.lower() not in STAMPED:
         files, notes = formats.contents(path, motion, robot, rate)
         for file, part in files.items():
             if path.suffix.lower() == ".csv" and begin != MIN_STAMP:
                 part = f"# time 0 is {1e-9 * begin:.9f} s\n".encode() + part
             write_whole(file, part)
         return notes
-    from g1_description.bridge.recorded_bag import write_bag  # needs ROS
-
     with whole_file(path) as part:
-        write_bag(part, motion, robot, begin)
+        if path.suffix.lower() == BAG:
+            from g1_description.bridge.recorded_bag import write_bag  # needs ROS
+
+            write_bag(part, motion, robot, begin)
+        else:
+            with part.open("wb") as stream:
+                write_mcap(stream, motion, robot, begin)
     return ()

@@ -31,8 +31,7 @@ from g1_description.errors import ClusterError, MotionError, cause
 from g1_description.files.model_files import find_folder
 from g1_description.files.uris import local_path
 from g1_description.libraries import missing
-from g1_description.motion.files import bag
-from g1_description.motion.files.formats import has_neighbours, read_motion
+from g1_description.motion.files.formats import has_neighbours, is_recorded, read_motion
 from g1_description.motion.files.source import MotionSource
 from g1_description.robot.description import Shape
 
@@ -146,7 +145,7 @@ class Cluster(Here):
         """Read a file; a FileResult if it cannot be read."""
         try:
             source = MotionSource(task.path)
-            is_whole = source.name is None and not bag.recognise(source)
+            is_whole = source.name is None and not is_recorded(source)
             if (
                 is_whole
                 and not has_neighbours(source)

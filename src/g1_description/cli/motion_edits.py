@@ -36,7 +36,7 @@ JOINTS: Mapping[str, tuple[str, ...]] = {
 }
 """Joints of versions of the G1, by the name of the option's value."""
 
-ANY_ORDER = ("csv", "npz", "bag")
+ANY_ORDER = ("csv", "npz", "bag", "mcap")
 """Formats that name joints in any order."""
 
 

@@ -11,7 +11,7 @@ from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.robot.poses import user_file
 
-NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,99}(\.(csv|npz|bag))?")
+NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,99}(\.(csv|npz|bag|mcap))?")
 
 
 def folder() -> Path:
@@ -28,7 +28,7 @@ def check_file_name(name: str) -> None:
     if not NAME.fullmatch(name):
         raise InvalidValueError(
             f"Invalid file name: {name!r}. It must begin with a letter, have at most "
-            "100 letters, digits, _ and -, and may end in .csv, .npz or .bag."
+            "100 letters, digits, _ and -, and may end in .csv, .npz, .bag or .mcap."
         )
 
 
@@ -39,7 +39,7 @@ def save_motion(name: str, motion: Motion, robot: Description, begin: int = 1) -
         name: Of the file; without an extension it is a CSV.
         motion: The motion.
         robot: Whose motion it is.
-        begin: Stamp of a bag's first sample, in [ns].
+        begin: Stamp of a recording's first sample, in [ns].
 
     Raises:
         G1DescriptionError: If there is one of that name, or it cannot be written.
@@ -49,7 +49,7 @@ def save_motion(name: str, motion: Motion, robot: Description, begin: int = 1) -
     if file.exists():
         raise InvalidValueError(f"{file} already exists: choose another name.")
     file.parent.mkdir(parents=True, exist_ok=True)
-    if file.suffix == ".bag":  # which needs ROS
+    if file.suffix in (".bag", ".mcap"):  # with stamps
         from g1_description.bridge.recorded_file import write_motion_file
 
         write_motion_file(file, motion, robot, begin=begin)

@@ -93,4 +93,4 @@ def _reader(source: MotionSource) -> Reader:
     return BoundedReader(source.path)
 
 
-FORMAT = Format("bag", recognise, reader(_opened), (".bag",))
+FORMAT = Format("bag", recognise, reader(_opened), (".bag",), is_recorded=True)

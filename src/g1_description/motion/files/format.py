@@ -96,6 +96,9 @@ class Format:
 
     is_text: bool = False
 
+    is_recorded: bool = False
+    """Whether its files are recordings of ROS: topics, and angles in [rad]."""
+
     writers: Mapping[str, Writer] = field(default_factory=dict)
     """By the names of the formats that they write."""
 

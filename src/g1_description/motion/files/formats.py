@@ -20,6 +20,7 @@ from g1_description.motion.files import (
     gmr,
     holomotion,
     keyframes,
+    mcap_bag,
     motion_library,
     policy,
     protomotions,
@@ -52,6 +53,7 @@ FORMATS: Mapping[str, Format] = {
     own.name: own
     for own in (
         bag.FORMAT,
+        mcap_bag.FORMAT,
         qpos.FORMAT,
         *array_formats.FORMATS,
         beyond_mimic.FORMAT,
@@ -165,7 +167,7 @@ def _read(source: MotionSource, own: Format, robot: Description, fits: bool) -> 
     file = source.path.name if source.is_folder else source.path.stem
     motion = replace(motion, name=source.name or file, notes=tuple(notes))
     motion = fitted(motion, robot) if fits else motion
-    if own is not bag.FORMAT:  # ROS uses radians
+    if not own.is_recorded:
         check_radians(motion, robot)
         is_open = options.order is None and not source.is_settled
         agreed = None if own.order == OPEN or not is_open else own.order
@@ -197,6 +199,11 @@ def is_motion_folder(folder: Path) -> bool:
     return any(own.recognise(source) for own in FORMATS.values())
 
 
+def is_recorded(source: MotionSource) -> bool:
+    """Return whether a file is a recording of ROS."""
+    return any(own.is_recorded and own.recognise(source) for own in FORMATS.values())
+
+
 def format_name(source: MotionSource) -> str:
     """Return the name of a file's format, one of ``FORMATS``.
 
@@ -215,7 +222,7 @@ def _formats(source: MotionSource) -> Iterator[Format]:
     name = source.options.format
     if name is not None and name not in FORMATS:
         raise MotionError(f"There is no format {name!r}; formats: {listed(FORMATS)}.")
-    if source.options.topic is not None and not bag.recognise(source):
+    if source.options.topic is not None and not is_recorded(source):
         raise MotionError(f"Not a rosbag; the topic {source.options.topic} needs one.")
     if name is not None:
         if not _recognises(FORMATS[name], source):
@@ -263,7 +270,8 @@ def _problem(source: MotionSource) -> str:
     for begin, name in OTHERS.items():
         if source.head.startswith(begin):
             return f"{name} is not read; save the motion with numpy.savez or as CSV."
-    return f"Unknown format: not an npz, pickle, rosbag or UTF-8 text{_line(source)}."
+    known = "npz, pickle, rosbag, MCAP or UTF-8 text"
+    return f"Unknown format: not an {known}{_line(source)}."
 
 
 def _line(source: MotionSource) -> str:

@@ -20,14 +20,12 @@ from g1_description.motion.files.recordings import (
 )
 from g1_description.motion.files.source import MotionSource
 from g1_description.motion.motion import Motion, sample
-from g1_description.robot.assembly import base_of
+from g1_description.robot.assembly import BASE_FRAME, MAP, base_of
 from g1_description.robot.description import Description
 from g1_description.robot.transform import IDENTITY, compose
 from g1_description.text import listed
 
-BASE_FRAME = "base_link"
-
-PARENTS = ("map", "world", "odom")
+PARENTS = (MAP, "world", "odom")
 """Parent frames of a base, by preference."""
 
 USUAL = ("joint_states", "motion", "joint_trajectory", "joint_commands")

@@ -12,12 +12,20 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from g1_description.errors import MotionError, cause
+from g1_description.motion.files.arrays import MAX_SIZE
+from g1_description.motion.motion import Motion
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
 MAX_MESSAGES = 250_000
 """Most messages on the topics that are read."""
+
+MIN_STAMP = 1
+"""The first stamp of a written motion, in [ns]: zero means no stamp in ROS."""
+
+SPARE = 0.98
+"""Fraction of the readable size that is written: a file also has other messages."""
 
 MAX_CHUNK = 100_000_000
 """Largest size of a decompressed chunk in bytes: ROS writes 1 MB."""
@@ -146,3 +154,32 @@ def messages_of(
         except Exception as error:  # any error of struct or numpy on damaged bytes
             problem = f"a message is damaged: {cause(error)}"
             raise MotionError(f"On {channel.topic} {problem}.") from error
+
+
+def stamps_of(motion: Motion, begin: int, most: int) -> list[int]:
+    """Return the stamps of a motion's samples, in [ns].
+
+    Args:
+        motion: The motion.
+        begin: Stamp of the first sample, in [ns].
+        most: The largest stamp, in [ns].
+
+    Raises:
+        MotionError: If a stamp is larger.
+    """
+    times = (motion.times - motion.times[0]).tolist()
+    stamps = [begin + round(time * 1e9) for time in times]
+    if stamps[-1] > most:
+        raise MotionError(f"The stamp {stamps[-1] / 1e9:g} s is too large for a bag.")
+    return stamps
+
+
+def most_samples(joints: Sequence[str], has_tf: bool) -> int:
+    """Return the largest number of samples of a recording that can be read again.
+
+    Args:
+        joints: Names of the motion's joints.
+        has_tf: Whether each sample also has a message of TF.
+    """
+    counts = MAX_MESSAGES / (2 if has_tf else 1), MAX_SIZE / (len(joints) or 1)
+    return int(SPARE * min(counts))

@@ -1,0 +1,146 @@
+"""MCAP, the container of ROS 2's bags, read and written without ROS."""
+
+from __future__ import annotations
+
+import io
+import os
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import IO, TYPE_CHECKING, Any
+
+from g1_description.errors import MotionError
+from g1_description.motion.files.bag import MD5_SUMS
+from g1_description.motion.files.format import Format, Writer
+from g1_description.motion.files.mcap_writer import write_mcap
+from g1_description.motion.files.recorded_motion import reader
+from g1_description.motion.files.recordings import Channel, Recording, unpacked
+from g1_description.motion.files.source import MotionSource
+from g1_description.motion.motion import Motion
+from g1_description.robot.description import Description
+
+if TYPE_CHECKING:
+    from mcap.records import Chunk
+
+MAGIC = b"\x89MCAP0\r\n"
+
+TYPES = {
+    "sensor_msgs/JointState": "JointState",
+    "tf2_msgs/TFMessage": "TFMessage",
+    "nav_msgs/Odometry": "Odometry",
+    "trajectory_msgs/JointTrajectory": "JointTrajectory",
+    "moveit_msgs/RobotTrajectory": "RobotTrajectory",
+}
+"""Kinds of messages by the names of their types."""
+
+
+def recognise(source: MotionSource) -> bool:
+    """Return whether a file is MCAP."""
+    return source.head.startswith(MAGIC)
+
+
+@contextmanager
+def _opened(source: MotionSource) -> Iterator[Recording]:
+    """Open a file, of ROS 1 or 2; it is read whole once for what it has."""
+    from mcap import records
+
+    with source.path.open("rb") as file:
+        schemas: dict[int, str] = {0: "no type"}
+        found: dict[int, records.Channel] = {}
+        counts: Counter[int] = Counter()
+        for record in _records(file):
+            if isinstance(record, records.Schema):
+                schemas[record.id] = record.name
+            elif isinstance(record, records.Channel):
+                found[record.id] = record
+            elif isinstance(record, records.Message):
+                counts[record.channel_id] += 1
+        channels = {
+            number: _channel(one, schemas[one.schema_id], counts[number])
+            for number, one in found.items()
+        }
+
+        def messages(
+            chosen: Collection[Channel],
+        ) -> Iterator[tuple[Channel, int, bytes]]:
+            wanted = {*chosen}
+            for record in _records(file):
+                if isinstance(record, records.Message):
+                    channel = channels[record.channel_id]
+                    if channel in wanted:
+                        yield channel, record.log_time, record.data
+
+        yield Recording([*channels.values()], messages)
+
+
+def _channel(channel: Any, type_name: str, count: int) -> Channel:
+    """Describe a channel."""
+    encoding, metadata = channel.message_encoding, channel.metadata
+    kind = TYPES.get(type_name.replace("/msg/", "/"), "")
+    if encoding == "ros1":
+        kind = MD5_SUMS.get(metadata.get("md5sum", ""), kind)
+    elif encoding != "cdr":
+        kind = ""
+    sender = metadata.get("callerid")
+    return Channel(channel.topic, type_name, kind, encoding, count, sender)
+
+
+def _records(file: IO[bytes]) -> Iterator[Any]:
+    """Yield the records of a file from its begin on, also those in chunks."""
+    from mcap.exceptions import EndOfFile
+    from mcap.records import Chunk
+    from mcap.stream_reader import StreamReader, breakup_chunk
+
+    file.seek(0)
+    size = os.fstat(file.fileno()).st_size
+    records = StreamReader(file, emit_chunks=True, record_size_limit=size).records
+    try:
+        for record in records:
+            if isinstance(record, Chunk):
+                whole = replace(record, compression="", data=_data(record))
+                yield from breakup_chunk(whole, validate_crc=True)
+            else:
+                yield record
+    except EndOfFile as error:
+        raise MotionError("The bag ends too early; try 'mcap recover'.") from error
+
+
+def _data(chunk: Chunk) -> bytes:
+    """Decompress a chunk, up to a limit."""
+    import lz4.frame
+    import zstandard
+
+    def of_zstd(data: bytes, size: int) -> bytes:
+        with zstandard.ZstdDecompressor().stream_reader(data) as stream:
+            return bytes(stream.read(size))
+
+    decompressors: dict[str, Callable[[bytes, int], bytes]] = {
+        "": lambda data, _: data,
+        "lz4": lz4.frame.LZ4FrameDecompressor().decompress,
+        "zstd": of_zstd,
+    }
+    if chunk.compression not in decompressors:
+        raise MotionError(
+            f"The bag is compressed with {chunk.compression}; lz4 and zstd are read."
+        )
+    return unpacked(decompressors[chunk.compression], chunk.data)
+
+
+def _write(
+    motion: Motion, robot: Description, _: float | None
+) -> tuple[bytes, Sequence[str]]:
+    """Write a file as a format is written."""
+    stream = io.BytesIO()
+    write_mcap(stream, motion, robot)
+    return stream.getvalue(), ()
+
+
+FORMAT = Format(
+    "mcap",
+    recognise,
+    reader(_opened),
+    (".mcap",),
+    is_recorded=True,
+    writers={"mcap": Writer(".mcap", _write)},
+)
