@@ -27,6 +27,7 @@ REQUIRES = [
     "daqp>=0.11",
     "fast-simplification>=0.1.7",
     "lxml>=4.5",
+    "mcap>=1.6",
     "numpy>=1.17",
     "rosbags>=0.9.23",
     "ruamel.yaml>=0.15.89",
