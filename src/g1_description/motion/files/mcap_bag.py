@@ -88,22 +88,21 @@ def _channel(channel: Any, type_name: str, count: int) -> Channel:
 
 def _records(file: IO[bytes]) -> Iterator[Any]:
     """Yield the records of a file from its begin on, also those in chunks."""
-    from mcap.exceptions import EndOfFile
     from mcap.records import Chunk
     from mcap.stream_reader import StreamReader, breakup_chunk
 
+    size = file.seek(0, os.SEEK_END)
+    file.seek(max(size - len(MAGIC), 0))
+    if file.read() != MAGIC:
+        raise MotionError("The bag ends too early; try 'mcap recover'.")
     file.seek(0)
-    size = os.fstat(file.fileno()).st_size
-    records = StreamReader(file, emit_chunks=True, record_size_limit=size).records
-    try:
-        for record in records:
-            if isinstance(record, Chunk):
-                whole = replace(record, compression="", data=_data(record))
-                yield from breakup_chunk(whole, validate_crc=True)
-            else:
-                yield record
-    except EndOfFile as error:
-        raise MotionError("The bag ends too early; try 'mcap recover'.") from error
+    reading = StreamReader(file, emit_chunks=True, record_size_limit=size)
+    for record in reading.records:
+        if isinstance(record, Chunk):
+            whole = replace(record, compression="", data=_data(record))
+            yield from breakup_chunk(whole, validate_crc=True)
+        else:
+            yield record
 
 
 def _data(chunk: Chunk) -> bytes:
