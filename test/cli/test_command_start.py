@@ -2,6 +2,7 @@
 
 import os
 import signal
+import subprocess
 import sys
 import threading
 import time
@@ -138,3 +139,31 @@ def test_a_closed_pipe_ends_a_command_quietly(monkeypatch):
 
     run = run_command(monkeypatch, write)
     assert (run.returncode, run.stderr) == (128 + signal.SIGPIPE, "")
+
+
+HEAVY = {"scipy", "matplotlib", "PIL", "trimesh", "pybullet", "mujoco", "daqp"}
+HEAVY |= {"rosbags", "rospy", "rosgraph", "viser", "websockets", "distributed"}
+
+
+@pytest.mark.parametrize(
+    ("words", "unused"),
+    [
+        (["check", "--help"], {*HEAVY, "numpy", "lxml", "ruamel"}),
+        (["play", "--help"], {*HEAVY, "numpy", "lxml", "ruamel"}),
+        (["pose", "--help"], {*HEAVY, "numpy", "lxml", "ruamel"}),
+        (["motion", "info", "squat.csv"], HEAVY),
+        (["check", "squat.csv"], HEAVY - {"scipy", "pybullet"}),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_a_command_imports_no_library_that_it_does_not_use(words, unused):
+    program = (
+        "import sys; from g1_description.cli.start import run; "
+        f"sys.argv = {words}; run({words[0]!r})"
+    )
+    command = [sys.executable, "-X", "importtime", "-c", program]
+    ended = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert ended.returncode == 0, ended.stderr
+    lines = (line.split("|") for line in ended.stderr.splitlines())
+    imported = {cells[2].split(".")[0].strip() for cells in lines if len(cells) == 3}
+    assert "g1_description" in imported and not imported & unused

@@ -34,6 +34,7 @@ from g1_description import Robot
 from g1_description.ros.conversions import model_trajectory
 
 from .browser import browser, burners, is_open
+from .commands import commands
 from .folder import folder
 from .graph import (
     FAILURES,
@@ -809,6 +810,7 @@ PARTS = {
     part.__name__: part
     for part in (
         start,
+        commands,
         display,
         latency,
         bridge,
