@@ -152,7 +152,7 @@ HEAVY |= {"rosbags", "rospy", "rosgraph", "viser", "websockets", "distributed"}
         (["play", "--help"], {*HEAVY, "numpy", "lxml", "ruamel"}),
         (["pose", "--help"], {*HEAVY, "numpy", "lxml", "ruamel"}),
         (["motion", "info", "squat.csv"], HEAVY),
-        (["check", "squat.csv"], HEAVY - {"scipy", "pybullet"}),
+        (["check", "squat.csv"], HEAVY - {"scipy", "pybullet", "daqp"}),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
 )
