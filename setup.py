@@ -25,7 +25,8 @@ COMMAND = "g1_description.cli.g1:main"
 REQUIRES = [
     "Pillow>=10.4",
     "daqp>=0.11",
-    "fast-simplification>=0.1.7",
+    "fast-simplification>=0.1.7; python_version >= '3.10'",
+    "fast-simplification>=0.1.7,<0.1.13; python_version < '3.10'",  # has wheels
     "lxml>=4.5",
     "mcap>=1.6",
     "numpy>=1.17",
