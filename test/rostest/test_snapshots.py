@@ -160,8 +160,8 @@ def test_what_is_not_known_of_a_robot_is_told(draw, monkeypatch):
     message = JointState(name=["left_knee_joint"], position=[1.0])
     speaker = Repeated(lambda: publisher.publish(message), 0.05)
     monkeypatch.setattr(running_robots, "RobotView", HeardRobot)
-    monkeypatch.setattr(snapshot, "JOINTS_TIMEOUT", 0.0)
-    monkeypatch.setattr(snapshot, "BASE_TIMEOUT", 0.0)
+    monkeypatch.setattr(running_robots, "JOINTS_TIMEOUT", 0.0)
+    monkeypatch.setattr(running_robots, "BASE_TIMEOUT", 0.0)
     _, errors = draw("a.png", "--namespace", "half", *SMALL)
     speaker.close()
     publisher.unregister()
@@ -171,7 +171,7 @@ def test_what_is_not_known_of_a_robot_is_told(draw, monkeypatch):
 
 
 def test_joints_that_never_come_are_told(draw, monkeypatch, tmp_path, capfd):
-    monkeypatch.setattr(snapshot, "JOINTS_TIMEOUT", 0.0)
+    monkeypatch.setattr(running_robots, "JOINTS_TIMEOUT", 0.0)
     with pytest.raises(SystemExit):
         draw("a.png", "--namespace", "nobody")
     told = "There were no joint states of 'g1_29dof' on /nobody/joint_states within 0 s"
