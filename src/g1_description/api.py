@@ -388,8 +388,14 @@ class Robot:
                 (n_samples, 3).
             start: As for ``ik``: where the search for the first sample begins.
             base: As for ``ik``.
-            fixed_links, balance, avoid_collisions, floor, base_motion, weights, points,
-            limits: As for ``ik``; fixed links stay where they are at the start.
+            fixed_links: As for ``ik``; they stay where they are at the start.
+            balance: As for ``ik``, like all that follow.
+            avoid_collisions: Likewise.
+            floor: Likewise.
+            base_motion: Likewise.
+            weights: Likewise.
+            points: Likewise.
+            limits: Likewise.
 
         Returns:
             The motion, whose joints keep to their limits of position and velocity, and
