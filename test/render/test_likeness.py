@@ -6,7 +6,8 @@ from conftest import REPOSITORY, VENDOR
 
 from g1_description.files.uris import with_absolute_uris
 from g1_description.render.camera import Camera, crop_around
-from g1_description.render.scene import NOTHING, Scene, silhouette
+from g1_description.render.rasterizer import NOTHING
+from g1_description.render.scene import Scene, silhouette
 from g1_description.robot.transform import IDENTITY
 from g1_description.robot.urdf import parse_urdf
 

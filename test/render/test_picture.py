@@ -13,10 +13,9 @@ from conftest import REPOSITORY
 from oracle import forward_kinematics
 from scipy.spatial.transform import Rotation
 
-from g1_description.render import rasterizer
 from g1_description.render.camera import VIEWS, Camera, framing
-from g1_description.render.rasterizer import Triangles
-from g1_description.render.scene import NOTHING, Scene, draw, silhouette
+from g1_description.render.rasterizer import NOTHING, nearest, touching
+from g1_description.render.scene import Scene, draw, silhouette
 from g1_description.robot.urdf import parse_urdf
 
 MIDDLE = np.array([0.0, 0.0, 0.66])
@@ -91,10 +90,10 @@ def test_an_orthographic_outline_has_the_area_of_the_projection(
 def test_the_nearest_triangle_is_seen_however_many_there_are():
     """A ray through each pixel's centre is the oracle."""
     rng = np.random.default_rng(1)
-    corners = rng.uniform([-8, -8, 1], [48, 40, 2], (300, 3, 3))
-    corners[::7, 1:] = corners[::7, :1] + rng.normal(scale=0.7, size=(43, 2, 3))
-    some = Triangles(corners, np.ones_like(corners), corners[:, 0], np.arange(300))
-    _, seen = rasterizer.draw(some, 32, 40, np.array([0.0, 0.0, 1.0]), NOTHING)
+    corners = rng.uniform([-8, -8, 1], [48, 40, 2], (1000, 3, 3))
+    corners[::7, 1:] = corners[::7, :1] + rng.normal(scale=0.7, size=(143, 2, 3))
+    some = touching(corners.T, 32, 40)
+    seen = np.append(some, NOTHING)[nearest(corners.T[:, :, some], 32, 40)]
     system = np.linalg.inv(np.insert(corners[:, :, :2], 2, 1.0, axis=2))
     for row, column in np.ndindex(seen.shape):
         weights = np.array([column, row, 1.0]) @ system
@@ -102,6 +101,17 @@ def test_the_nearest_triangle_is_seen_however_many_there_are():
             (weights >= 0.0).all(axis=1), (weights * corners[..., 2]).sum(1), 0
         )
         assert seen[row, column] == (near.argmax() if near.any() else NOTHING)
+
+
+def test_triangles_that_meet_at_the_centres_of_pixels_leave_no_gap():
+    x, y = np.meshgrid(np.arange(0.0, 41.0, 4.0), np.arange(0.0, 33.0, 4.0))
+    n = np.arange(x.size).reshape(x.shape)
+    upper = np.stack([n[:-1, :-1], n[:-1, 1:], n[1:, :-1]], axis=-1).reshape(-1, 3)
+    lower = np.stack([n[1:, 1:], n[1:, :-1], n[:-1, 1:]], axis=-1).reshape(-1, 3)
+    places = np.stack([x, y, np.ones_like(x)]).reshape(3, -1)
+    corners = places[:, np.concatenate([upper, lower]).T]
+    corners[:2] += np.random.default_rng(1).normal(scale=1e-12, size=corners[:2].shape)
+    assert (nearest(corners, 33, 41) != NOTHING).all()
 
 
 def test_a_perspective_outline_has_the_area_of_the_cone(scene):

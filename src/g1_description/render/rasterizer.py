@@ -2,144 +2,130 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import NamedTuple
-
 import numpy as np
 
-AMBIENT, DIFFUSE, SPECULAR = 0.72, 0.55, 0.06
-"""Coefficients of ambient, diffuse and specular light."""
+NOTHING = -1
+"""The number of a pixel without a triangle."""
 
-SMALLEST = 4
-"""Side of the smallest squares in which triangles are drawn, in pixels."""
+BATCH = 400_000
+"""Pixels of the boxes around triangles that are drawn at once; limits memory."""
 
-BATCH = 100_000
-"""Pixels that are tested at once: their arrays fit into a cache."""
+EDGE = 1e-6
+"""Distance from an edge that still counts as inside, in pixels."""
 
-EDGE = 1e-9
-"""Barycentric coordinate outside of an edge that still counts as on it."""
-
-
-class Triangles(NamedTuple):
-    """Triangles to be drawn."""
-
-    corners: np.ndarray
-    """Column, row and reciprocal of the distance from the eye, shape (n, 3, 3)."""
-
-    normals: np.ndarray
-    """At the corners, in the world, shape (n, 3, 3)."""
-
-    colors: np.ndarray
-    """From 0 to 255, shape (n, 3)."""
-
-    owners: np.ndarray
-    """Numbers that ``draw`` gives to pixels, shape (n,)."""
+THIN = 1e-6
+"""Twice the area, in pixels, up to which a triangle has no slope and is left out."""
 
 
-def draw(
-    found: Triangles, rows: int, columns: int, light: np.ndarray, nothing: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Draw triangles; the nearest one counts, from either side.
+def touching(corners: np.ndarray, rows: int, columns: int) -> np.ndarray:
+    """Find the triangles that may cover the centre of a pixel.
 
     Args:
-        found: The triangles, all in front of the eye.
+        corners: Column, row, and reciprocal of the distance from the eye (axis 0) of
+            the corners (axis 1) of triangles in front of the eye, shape (3, 3, n). The
+            centre of the first pixel is at column and row 0.
         rows: Height of the picture, in pixels.
-        columns: Its width; the centre of the first pixel is at column and row 0.
-        light: Direction to the lamp in the world, shape (3,).
-        nothing: The number of a pixel without a triangle.
+        columns: Its width, in pixels.
 
     Returns:
-        Colours as uint8, shape (rows, columns, 3), and numbers, shape (rows, columns).
+        Their numbers, shape (m,).
     """
+    x, y, _ = corners
+    left, right = _pixels(x.min(axis=0), x.max(axis=0), columns)
+    top, bottom = _pixels(y.min(axis=0), y.max(axis=0), rows)
+    is_wide = np.abs(_areas(x, y)) > THIN
+    return np.flatnonzero((left <= right) & (top <= bottom) & is_wide)
+
+
+def nearest(corners: np.ndarray, rows: int, columns: int) -> np.ndarray:
+    """Find the nearest triangle at the centre of each pixel, from either side.
+
+    Args:
+        corners: Those of triangles found by ``touching``, shape (3, 3, n).
+        rows: As for ``touching``.
+        columns: As for ``touching``.
+
+    Returns:
+        Numbers of triangles, ``NOTHING`` for none, shape (rows, columns).
+    """
+    x, y, _ = corners
+    left, right = _pixels(x.min(axis=0), x.max(axis=0), columns)
+    top, bottom = _pixels(y.min(axis=0), y.max(axis=0), rows)
     depth = np.zeros(rows * columns)
-    nearest = np.full(rows * columns, -1)
-    planes = _planes(found.corners)
-    for triangle, row, column, near in _covered(found.corners, planes, rows, columns):
-        pixel = row * columns + column
-        is_nearer = near > depth[pixel]
-        triangle, pixel, near = triangle[is_nearer], pixel[is_nearer], near[is_nearer]
-        order = np.argsort(near, kind="stable")  # of a pixel's triangles the last stays
-        depth[pixel[order]] = near[order]
-        nearest[pixel[order]] = triangle[order]
-    seen = np.flatnonzero(nearest >= 0)
-    colors = np.zeros((rows * columns, 3), np.uint8)
-    owners = np.full(rows * columns, nothing)
-    row, column = divmod(seen, columns)
-    colors[seen] = _shaded(found, planes, nearest[seen], row, column, light)
-    owners[seen] = found.owners[nearest[seen]]
-    return colors.reshape(rows, columns, 3), owners.reshape(rows, columns)
+    found = np.full(rows * columns, NOTHING)
+    pixels = np.cumsum((right - left + 1) * (bottom - top + 1))
+    ends = np.flatnonzero(np.diff(pixels // BATCH)) + 1
+    for part in np.split(np.arange(len(pixels)), ends):
+        number, row = _listed(top[part], bottom[part])
+        run, column, near = _covered(corners[:, :, part], number, row, columns)
+        pixel, triangle = row[run] * columns + column, part[number[run]]
+        while len(pixel):  # of several at a pixel, the last stays for a while
+            is_nearer = near > depth[pixel]
+            pixel, triangle = pixel[is_nearer], triangle[is_nearer]
+            near = near[is_nearer]
+            depth[pixel], found[pixel] = near, triangle
+    return found.reshape(rows, columns)
 
 
-def _planes(corners: np.ndarray) -> np.ndarray:
-    """Compute what of pixels' barycentric coordinates belongs to column, row and 1.
+def weights(corners: np.ndarray, row: np.ndarray, column: np.ndarray) -> np.ndarray:
+    """Compute how much each corner counts at a point of a triangle.
+
+    Args:
+        corners: Those of one triangle per point, as for ``touching``, shape (3, 3, n).
+        row: Row of each point, shape (n,).
+        column: Column of each point, shape (n,).
 
     Returns:
-        For each corner, shape (n, 3, 3); without area all are outside.
+        Barycentric coordinates on the triangle in space times a positive number, shape
+        (3, n).
     """
-    x, y = corners[:, :, 0], corners[:, :, 1]
+    x, y = corners[0] - column, corners[1] - row
     following, last = [1, 2, 0], [2, 0, 1]
-    across, down = y[:, following] - y[:, last], x[:, last] - x[:, following]
-    one = x[:, following] * y[:, last] - x[:, last] * y[:, following]
-    planes = np.stack([across, down, one], axis=-1)
-    area = one.sum(axis=1)
-    planes[area == 0.0] = [0.0, 0.0, -1.0]
-    return planes / np.where(area == 0.0, 1.0, area)[:, np.newaxis, np.newaxis]
+    parts = (x[following] * y[last] - x[last] * y[following]) * corners[2]
+    return parts * np.sign(_areas(x, y))
+
+
+def _areas(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Compute twice the signed areas of triangles by corner, shape (3, n)."""
+    return (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])
+
+
+def _pixels(
+    low: np.ndarray, high: np.ndarray, size: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the first and the last pixel of a picture whose centre is in a range."""
+    first = np.clip(np.ceil(low - EDGE), 0, size).astype(int)
+    return first, np.clip(np.floor(high + EDGE), -1, size - 1).astype(int)
+
+
+def _listed(first: np.ndarray, last: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """List the integers of ranges: the number of a range, and one of its integers."""
+    counts = np.maximum(last - first + 1, 0)
+    number = np.repeat(np.arange(len(counts)), counts)
+    begins = first - (np.cumsum(counts) - counts)
+    return number, np.arange(len(number)) + begins[number]
 
 
 def _covered(
-    corners: np.ndarray, planes: np.ndarray, rows: int, columns: int
-) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
-    """Yield pixels whose centres triangles cover: triangle, row, column, nearness.
-
-    Triangles of about the same size are tested together, in squares around them.
-    """
-    limits = np.array([columns, rows]) - 1
-    low = np.clip(np.ceil(corners[:, :, :2].min(axis=1)), 0, limits + 1).astype(int)
-    high = np.clip(np.floor(corners[:, :, :2].max(axis=1)), -1, limits).astype(int)
-    sides = high - low + 1
+    corners: np.ndarray, number: np.ndarray, row: np.ndarray, columns: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Find the pixels of triangles in rows: index of the row, column, and nearness."""
+    x, y, z = corners
+    area = _areas(x, y)
     # Nearness is linear in a picture.
-    slopes = (planes * corners[:, :, 2:]).sum(axis=1)
-    left = np.flatnonzero((sides > 0).all(axis=1))
-    side = SMALLEST
-    while len(left):
-        fits = (sides[left] <= side).all(axis=1)
-        some, left = left[fits], left[~fits]
-        step = max(1, BATCH // side**2)
-        for first in range(0, len(some), step):
-            part = some[first : first + step]
-            column = low[part, 0, np.newaxis] + np.arange(side)
-            row = low[part, 1, np.newaxis] + np.arange(side)
-            inside = (row <= high[part, 1, np.newaxis])[:, :, np.newaxis] & (
-                column <= high[part, 0, np.newaxis]
-            )[:, np.newaxis]
-            for across, down, one in np.moveaxis(planes[part], 0, -1):
-                begin = across * column.T + one
-                inside &= (
-                    begin.T[:, np.newaxis] + (down * row.T).T[:, :, np.newaxis] >= -EDGE
-                )
-            number, y, x = np.nonzero(inside)
-            y, x = row[number, y], column[number, x]
-            slope = slopes[part[number]]
-            yield part[number], y, x, slope[:, 0] * x + slope[:, 1] * y + slope[:, 2]
-        side *= 2
-
-
-def _shaded(
-    found: Triangles,
-    planes: np.ndarray,
-    triangle: np.ndarray,
-    row: np.ndarray,
-    column: np.ndarray,
-    light: np.ndarray,
-) -> np.ndarray:
-    """Compute the colours of pixels, each of one triangle; shape (n, 3)."""
-    # Anything but nearness is linear after a product with it.
-    of_corners = planes * found.corners[:, :, 2:]
-    of_normals = np.einsum("ncp,nck->npk", of_corners, found.normals)[triangle]
-    normals = of_normals[:, 0] * column[:, np.newaxis]
-    normals += of_normals[:, 1] * row[:, np.newaxis]
-    normals += of_normals[:, 2]
-    lengths = np.sqrt(np.einsum("nk,nk->n", normals, normals))
-    bright = np.maximum(normals @ light / np.maximum(lengths, 1e-300), 0.0)
-    intensity = AMBIENT + SPECULAR + DIFFUSE * bright
-    return np.minimum(found.colors[triangle] * intensity[:, np.newaxis], 255.0)
+    across = ((z[1] - z[0]) * (y[2] - y[0]) - (z[2] - z[0]) * (y[1] - y[0])) / area
+    down = ((x[1] - x[0]) * (z[2] - z[0]) - (x[2] - x[0]) * (z[1] - z[0])) / area
+    # On an edge along a row, the row just inside is complete.
+    low, high = y.min(axis=0) + EDGE, y.max(axis=0) - EDGE
+    level = np.clip(row, low[number], high[number])
+    left, right = np.full(len(row), np.inf), np.full(len(row), -np.inf)
+    for a, b in ((0, 1), (1, 2), (2, 0)):
+        begin, end = y[a, number] - level, y[b, number] - level
+        crosses = (begin * end <= 0.0) & (begin != end)
+        length = np.where(crosses, begin - end, 1.0)
+        at = (x[b, number] * begin - x[a, number] * end) / length
+        left = np.where(crosses, np.minimum(left, at), left)
+        right = np.where(crosses, np.maximum(right, at), right)
+    run, column = _listed(*_pixels(left, right, columns))
+    base = (z[0] - across * x[0] - down * y[0])[number] + down[number] * row
+    return run, column, base[run] + across[number][run] * column

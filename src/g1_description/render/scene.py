@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from g1_description.render import rasterizer
 from g1_description.render.camera import NEAREST, Camera, Crop, crop_around
 from g1_description.render.patches import GREY, shape_parts
+from g1_description.render.rasterizer import NOTHING, nearest, touching, weights
 from g1_description.robot.assembly import Assembly
 from g1_description.robot.description import Description
 from g1_description.robot.kinematics import Kinematics
-from g1_description.robot.rotation import rotate
+from g1_description.robot.rotation import rotate, to_axes
 from g1_description.robot.transform import IDENTITY
-from g1_description.sim.meshes.shapes import Part, find_meshes, is_there
+from g1_description.sim.meshes.shapes import find_meshes, is_there
 
-NOTHING = -1
-"""The number of a pixel without a robot."""
+AMBIENT, DIFFUSE = 0.75, 0.55
+"""Coefficients of ambient and diffuse light."""
 
 AIR = np.array([[0.99, 0.99, 0.995], [0.91, 0.925, 0.94]])
 """Colours of the top and the bottom of a picture, from 0 to 1."""
@@ -44,16 +44,30 @@ LAMP_PIXELS = 400
 SHADOW_BLUR = 2
 """Width of a shadow's edge, in pixels of the shadow map."""
 
+TINY = 1e-300
+"""Avoids division by zero."""
 
-@dataclass(frozen=True)
-class _Robot:
-    """The shapes and kinematics of one robot."""
+
+class _Robot(NamedTuple):
+    """The kinematics of one robot."""
 
     joints: tuple[str, ...]
     links: tuple[str, ...]
     kinematics: Kinematics
-    pieces: tuple[tuple[str, Part], ...]
-    """Triangles in the frame of a link, and the link."""
+
+
+class _Piece(NamedTuple):
+    """Triangles of one colour that move with a link."""
+
+    robot: int
+    link: str
+    corners: np.ndarray
+    """x, y, z (axis 0) of corners (axis 1) in the link's frame, shape (3, 3, n)."""
+
+    box: np.ndarray
+    """Corners of the box around them, along the axes of the link, shape (8, 3)."""
+
+    color: tuple[float, ...]
 
 
 class Scene:
@@ -62,6 +76,9 @@ class Scene:
     def __init__(self) -> None:
         self._robots: list[_Robot] = []
         self._poses: list[dict[str, np.ndarray]] = []
+        self._pieces: list[_Piece] = []
+        self._normals = np.zeros((0, 3, 3))
+        self._piece_of = np.zeros(0, int)
 
     def add(self, description: Description) -> tuple[int, tuple[str, ...]]:
         """Add a robot, its root at the origin and its joints at zero.
@@ -76,22 +93,31 @@ class Scene:
             (link.name, shape) for link in description.links for shape in link.visuals
         ]
         meshes, left_out = find_meshes(shape for _, shape in shapes)
-        pieces = [
-            (link, part)
-            for link, shape in shapes
-            if is_there(shape, meshes)
-            for part in shape_parts(shape, meshes.get(shape.filename))
-        ]
+        number = len(self._robots)
+        normals, counts = [self._normals], []
+        choices = np.indices((2, 2, 2)).reshape(3, 8).T
+        for link, shape in shapes:
+            if not is_there(shape, meshes):
+                continue
+            for part in shape_parts(shape, meshes.get(shape.filename)):
+                corners = np.ascontiguousarray(part.corners.T)
+                box = np.array([corners.min(axis=(1, 2)), corners.max(axis=(1, 2))])
+                box = box[choices, np.arange(3)]
+                color = part.color or GREY
+                self._pieces.append(_Piece(number, link, corners, box, color))
+                normals.append(part.normals)
+                counts.append(len(part.normals))
+        new = np.arange(len(self._pieces) - len(counts), len(self._pieces))
+        self._normals = np.concatenate(normals)
+        self._piece_of = np.concatenate([self._piece_of, np.repeat(new, counts)])
         self._robots.append(
             _Robot(
                 tuple(joint.name for joint in description.movable_joints),
                 Assembly(description).link_names,
                 Kinematics(description),
-                tuple(pieces),
             )
         )
         self._poses.append({})
-        number = len(self._robots) - 1
         self.place(number, IDENTITY, {})
         return number, (*description.unread, *left_out)
 
@@ -110,7 +136,9 @@ class Scene:
         poses = figure.kinematics.link_poses(T_world_root, position)
         by_link = dict(zip(figure.links, poses))
         self._poses[robot] = {
-            link: by_link.get(link, T_world_root) for link, _ in figure.pieces
+            piece.link: by_link.get(piece.link, T_world_root)
+            for piece in self._pieces
+            if piece.robot == robot
         }
 
     def corners(self) -> np.ndarray:
@@ -120,13 +148,9 @@ class Scene:
             Points in the world, in [m], shape (8 n_shapes, 3).
         """
         found = [np.zeros((0, 3))]
-        choices = np.indices((2, 2, 2)).reshape(3, 8).T
-        for robot, poses in zip(self._robots, self._poses):
-            for link, part in robot.pieces:
-                points = part.corners.reshape(-1, 3)
-                box = np.array([points.min(axis=0), points.max(axis=0)])
-                pose = poses[link]
-                found.append(pose[:3] + rotate(pose[3:], box[choices, np.arange(3)]))
+        for piece in self._pieces:
+            pose = self._poses[piece.robot][piece.link]
+            found.append(pose[:3] + rotate(pose[3:], piece.box))
         return np.concatenate(found)
 
     def crop(self, camera: Camera, width: int, height: int) -> Crop:
@@ -155,41 +179,58 @@ class Scene:
             Colours as uint8, shape (n, m, 3), and numbers of robots, ``NOTHING`` for
             none, shape (n, m).
         """
-        rows, columns = (part.stop - part.start for part in crop)
-        toward = camera.axes[2] if light is None else light
-        found = self._triangles(camera, width, height)
-        found.corners[..., :2] -= [crop[1].start, crop[0].start]
-        return rasterizer.draw(found, rows, columns, toward, NOTHING)
+        shape = tuple(part.stop - part.start for part in crop)
+        colors, robots = np.zeros((*shape, 3), np.uint8), np.full(shape, NOTHING)
+        if not self._pieces:
+            return colors, robots
+        corners, kept = self._projected(camera, width, height, crop)
+        triangles = nearest(corners, *shape)
+        row, column = np.nonzero(triangles != NOTHING)
+        seen = triangles[row, column]
+        piece = self._piece_of[kept[seen]]
+        robots[row, column] = np.array([p.robot for p in self._pieces])[piece]
+        poses = np.array([self._poses[p.robot][p.link] for p in self._pieces])
+        lamp = camera.axes[2] if light is None else light
+        lamps = lamp @ to_axes(poses[:, 3:])  # in the frames of links
+        at = weights(corners[:, :, seen], row, column)
+        normals = np.einsum("cn,nck->nk", at, self._normals[kept[seen]])
+        lengths = np.sqrt(np.einsum("nk,nk->n", normals, normals))
+        bright = np.einsum("nk,nk->n", normals, lamps[piece])
+        bright = np.maximum(bright / np.maximum(lengths, TINY), 0.0)
+        own = 255.0 * np.array([p.color[:3] for p in self._pieces])[piece]
+        colors[row, column] = np.minimum(own.T * (AMBIENT + DIFFUSE * bright), 255.0).T
+        return colors, robots
 
-    def _triangles(
-        self, camera: Camera, width: int, height: int
-    ) -> rasterizer.Triangles:
-        """Project all triangles to the pixels of a picture, but those at the eye."""
-        points, normals, colors, owners = [], [], [], []
-        for number, (robot, poses) in enumerate(zip(self._robots, self._poses)):
-            for link, part in robot.pieces:
-                pose = poses[link]
-                points.append(pose[:3] + rotate(pose[3:], part.corners))
-                normals.append(rotate(pose[3:], part.normals))
-                color = 255.0 * np.array((part.color or GREY)[:3])
-                colors.append(np.tile(color, (len(part.corners), 1)))
-                owners.append(np.full(len(part.corners), number))
-        if not points:
-            none = np.zeros((0, 3, 3))
-            return rasterizer.Triangles(none, none, np.zeros((0, 3)), np.zeros(0, int))
-        world = np.concatenate(points)
-        flat = world.reshape(-1, 3)
-        away = camera.range - (flat - camera.target) @ camera.axes[2]
-        kept = (away.reshape(-1, 3) > NEAREST * camera.range).all(axis=1)
-        right, up = camera.seen(flat).T * width
-        places = [right + width / 2 - 0.5, height / 2 - 0.5 - up, 1.0 / away]
-        corners = np.stack(places, axis=-1).reshape(-1, 3, 3)
-        return rasterizer.Triangles(
-            corners[kept],
-            np.concatenate(normals)[kept],
-            np.concatenate(colors)[kept],
-            np.concatenate(owners)[kept],
-        )
+    def _projected(
+        self, camera: Camera, width: int, height: int, crop: Crop
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Project the triangles in front of the eye to a part of a picture.
+
+        Returns:
+            The corners of those in it as ``nearest`` has them, and their numbers.
+        """
+        rows, columns = crop
+        found, numbers, first = [], [], 0
+        for piece in self._pieces:
+            pose = self._poses[piece.robot][piece.link]
+            axes = camera.axes @ to_axes(pose[3:])
+            middle = camera.axes @ (pose[:3] - camera.target)
+            points = axes @ piece.corners.reshape(3, -1) + middle[:, np.newaxis]
+            right, up, back = points.reshape(piece.corners.shape)
+            away = np.maximum(camera.range - back, NEAREST * camera.range)
+            scale = camera.range * width / camera.width / away
+            column = right * scale + (width / 2 - 0.5 - columns.start)
+            row = height / 2 - 0.5 - rows.start - up * scale
+            corners = np.stack([column, row, 1.0 / away])
+            inside = touching(
+                corners, rows.stop - rows.start, columns.stop - columns.start
+            )
+            is_in_front = (away > NEAREST * camera.range).all(axis=0)
+            inside = inside[is_in_front[inside]]
+            found.append(corners[:, :, inside])
+            numbers.append(first + inside)
+            first += piece.corners.shape[2]
+        return np.concatenate(found, axis=2), np.concatenate(numbers)
 
 
 def backdrop(
@@ -314,7 +355,7 @@ def draw(
     )
     seen = (robots != NOTHING)[..., np.newaxis]
     clear = 1.0 - _downsampled(seen)
-    behind[crop] = behind[crop] * clear + _downsampled(colors * seen)
+    behind[crop] = behind[crop] * clear + _downsampled(colors)
     return np.clip(np.round(behind), 0, 255).astype(np.uint8)
 
 
@@ -338,12 +379,6 @@ def silhouette(scene: Scene, camera: Camera, width: int, height: int) -> np.ndar
 
 def _downsampled(pixels: np.ndarray) -> np.ndarray:
     """Return the mean of the rendered pixels that become one."""
-    height, width, parts = pixels.shape
-    fine = pixels.reshape(
-        height // SUPERSAMPLING,
-        SUPERSAMPLING,
-        width // SUPERSAMPLING,
-        SUPERSAMPLING,
-        parts,
-    )
-    return fine.mean(axis=(1, 3), dtype=np.float32)
+    n = SUPERSAMPLING
+    rows = np.mean([pixels[k::n] for k in range(n)], axis=0, dtype=np.float32)
+    return np.mean([rows[:, k::n] for k in range(n)], axis=0)
