@@ -95,7 +95,7 @@ class Robot:
     Everywhere, ``positions`` may be arrays or dictionaries by joint (see the method
     ``positions``), with any number of leading axes for many configurations at once.
     ``base`` is the pose of the base link in the world, shape (..., 7); by default the
-    world's origin.
+    world's origin. Positions of poses are in [m].
     """
 
     @former_arguments(collisions="allowed_collisions")
@@ -145,9 +145,9 @@ class Robot:
         self.base_link = base_of(self.description)[0]
         """The link whose pose is that of the robot."""
         self.lower = _each(joints, lambda joint: joint.lower)
-        """Lower limits, -inf without a limit, shape (n_joints,)."""
+        """Lower limits in [rad] or [m], -inf without one, shape (n_joints,)."""
         self.upper = _each(joints, lambda joint: joint.upper)
-        """Upper limits, inf without a limit, shape (n_joints,)."""
+        """Upper limits in [rad] or [m], inf without one, shape (n_joints,)."""
         self.velocity_limits = _each(joints, lambda joint: joint.velocity)
         """In [rad/s] or [m/s], inf without a limit, shape (n_joints,)."""
         self.effort_limits = _each(joints, lambda joint: joint.effort)
@@ -162,7 +162,7 @@ class Robot:
 
     @cached_property
     def neutral(self) -> np.ndarray:
-        """All joints at 0, or at the limit that is nearest, shape (n_joints,)."""
+        """All joints at 0, or at the nearest limit, in [rad] or [m], (n_joints,)."""
         return _frozen(pose_positions(Pose(ZERO), self.description))
 
     @property
@@ -172,9 +172,15 @@ class Robot:
         return tuple(n for n, pose in poses.items() if fits(pose, self.description))
 
     def named_configuration(self, name: str) -> np.ndarray:
-        """Return the positions of a named pose, shape (n_joints,).
+        """Return the positions of a named pose.
 
         In ``named_configuration(profile.standing_pose)`` the robot stands.
+
+        Args:
+            name: One of ``pose_names``.
+
+        Returns:
+            Positions in [rad] or [m], shape (n_joints,).
 
         Raises:
             UnknownNameError: If there is no such pose, or it has unknown joints.
@@ -196,8 +202,9 @@ class Robot:
             size: Number of configurations, or leading axes.
 
         Returns:
-            Positions, shape (*size, n_joints); a joint that turns without limits is
-            within half a turn of 0, or within a turn of its only limit.
+            Positions in [rad] or [m], shape (*size, n_joints); a joint that turns
+            without limits is within half a turn of 0, or within a turn of its only
+            limit.
 
         Raises:
             InvalidValueError: If a prismatic joint has no limits, or a size is
@@ -214,11 +221,11 @@ class Robot:
         """Arrange positions in the order of the joints.
 
         Args:
-            given: An array of shape (..., n_joints), or a dictionary by joint of
-                numbers or arrays of shape (...); other joints are neutral.
+            given: In [rad] or [m]: an array of shape (..., n_joints), or a dictionary
+                by joint of numbers or arrays of shape (...); other joints are neutral.
 
         Returns:
-            A new array, shape (..., n_joints).
+            A new array in [rad] or [m], shape (..., n_joints).
 
         Raises:
             UnknownNameError: If a joint is unknown.
@@ -247,6 +254,10 @@ class Robot:
     ) -> np.ndarray:
         """Place all links.
 
+        Args:
+            positions: Positions of the joints, shape (..., n_joints), or by joint.
+            base: Pose of the base link in the world, shape (..., 7).
+
         Returns:
             Poses of the link frames in the world in the order of ``link_names``, shape
             (..., n_links, 7).
@@ -259,7 +270,18 @@ class Robot:
     def link_poses(
         self, positions: JointValues, base: Any = None
     ) -> dict[str, np.ndarray]:
-        """Like ``forward_kinematics``; returns poses by link name, shapes (..., 7)."""
+        """Place all links, by name.
+
+        Args:
+            positions: As for ``forward_kinematics``.
+            base: As for ``forward_kinematics``.
+
+        Returns:
+            Poses of the link frames in the world, shapes (..., 7), by link.
+
+        Raises:
+            G1DescriptionError: If positions or base are invalid.
+        """
         poses = self.forward_kinematics(positions, base)
         return {link: poses[..., row, :] for row, link in enumerate(self.link_names)}
 
@@ -267,6 +289,13 @@ class Robot:
         self, link: str, positions: JointValues, base: Any = None
     ) -> np.ndarray:
         """Compute the geometric Jacobian of the origin of a link.
+
+        Source: Featherstone, Rigid Body Dynamics Algorithms, 2008, section 2.10.
+
+        Args:
+            link: The link.
+            positions: As for ``forward_kinematics``.
+            base: As for ``forward_kinematics``.
 
         Returns:
             J such that J @ (base's linear velocity, base's angular velocity, joint
@@ -289,7 +318,14 @@ class Robot:
         return found
 
     def center_of_mass(self, positions: JointValues, base: Any = None) -> np.ndarray:
-        """Compute the centre of mass in the world, in [m], shape (..., 3).
+        """Compute the centre of mass: the mean of the links', weighted by their mass.
+
+        Args:
+            positions: As for ``forward_kinematics``.
+            base: As for ``forward_kinematics``.
+
+        Returns:
+            In the world, in [m], shape (..., 3).
 
         Raises:
             DescriptionError: If the robot has no masses.
@@ -315,13 +351,18 @@ class Robot:
     ) -> IkResult:
         """Search a configuration in which links are where they should be.
 
+        Damped steps, each a quadratic program with the limits as bounds. Sources:
+        Nakamura and Hanafusa, J. Dyn. Sys. Meas. Control, 1986; Sugihara, IEEE Trans.
+        Robotics, 2011; Kanoun et al., IEEE Trans. Robotics, 2011.
+
         Args:
-            targets: Poses x y z and quaternion x y z w, or only positions x y z, in the
-                world, of links by their names or their roles in the profile, such as
-                ``left_hand``.
-            start: Positions at which the search begins, clipped to the limits; the
-                result is near them where targets leave a choice. None: neutral ones.
-            base: Pose of the base link at the start.
+            targets: Poses x y z and quaternion x y z w, shape (7,), or only positions
+                x y z, shape (3,), in the world, in [m], of links by their names or
+                their roles in the profile, such as ``left_hand``.
+            start: Positions at which the search begins, shape (n_joints,) or by joint,
+                clipped to the limits; the result is near them where targets leave a
+                choice. None: neutral ones.
+            base: Pose of the base link in the world at the start, shape (7,).
             fixed_links: Names or roles of links that stay where they are at the start;
                 None: the profile's feet without targets.
             balance: Whether the centre of mass is above the fixed links that stand on
@@ -342,11 +383,13 @@ class Robot:
 
         Returns:
             The configuration. If not all can be reached it is the nearest one found,
-            ``reached`` is False and ``message`` tells the distances, and whether the
+            ``reached`` is False and ``message`` has the distances, and whether the
             search ended early because the solver found no further step.
 
         Raises:
-            G1DescriptionError: If an argument is invalid.
+            UnknownNameError: If a link or role is unknown.
+            InvalidValueError: If an argument is invalid.
+            TypeError: If a keyword is unknown.
         """
         from g1_description.ik.inverse_kinematics import IkOptions
 
@@ -384,8 +427,8 @@ class Robot:
 
         Args:
             times: Times of the samples in [s], increasing, shape (n_samples,).
-            targets: As for ``ik``, in each sample, shapes (n_samples, 7) or
-                (n_samples, 3).
+            targets: As for ``ik``, in the world, in each sample, shapes (n_samples, 7)
+                or (n_samples, 3).
             start: As for ``ik``: where the search for the first sample begins.
             base: As for ``ik``.
             fixed_links: As for ``ik``; they stay where they are at the start.
@@ -402,7 +445,9 @@ class Robot:
             a result for each sample.
 
         Raises:
-            G1DescriptionError: If an argument is invalid.
+            UnknownNameError: If a link or role is unknown.
+            InvalidValueError: If an argument is invalid.
+            TypeError: If a keyword is unknown.
         """
         from g1_description.ik.inverse_kinematics import IkOptions
 
@@ -450,15 +495,18 @@ class Robot:
     ) -> np.ndarray:
         """Compute joint efforts of a configuration or motion with a fixed base.
 
+        Newton's and Euler's equations of all links. Source: Featherstone, Rigid Body
+        Dynamics Algorithms, 2008, chapter 5.
+
         Args:
-            positions: Positions of the joints.
+            positions: Positions of the joints, shape (..., n_joints), or by joint.
             velocities: In [rad/s] or [m/s], like positions; by default 0.
             accelerations: In [rad/s^2] or [m/s^2], like positions; by default 0.
-            base: Pose of the base link.
+            base: Pose of the base link in the world, whose z is up, shape (..., 7).
 
         Returns:
-            Efforts of the joints in [N m] or [N] under gravity of 9.8 m/s^2 along -z,
-            shape (..., n_joints).
+            Efforts about or along the axes of the joints, in [N m] or [N], under
+            gravity of 9.8 m/s^2 along -z of the world, shape (..., n_joints).
 
         Raises:
             DescriptionError: If the robot has no masses.
@@ -491,7 +539,7 @@ class Robot:
             path: The file or folder, ``FILE#NAME`` for one of several motions in a
                 file, ``package://PACKAGE/PATH``, or the name of a motion of this
                 package such as ``squat.csv``.
-            rate: Samples per second of a file without times.
+            rate: Samples per second of a file without times, in [Hz].
             order: Order of base quaternions in the file, ``xyzw`` or ``wxyz``;
                 None: that of the format, or the one in which the robot stands.
             format: Name of the format, as documented; None: found by content.
@@ -537,8 +585,8 @@ class Robot:
             path: The file, or the folder of a format that is one; an existing file is
                 replaced.
             motion: The motion.
-            rate: Samples per second of a format with evenly spaced samples; None: the
-                average rate of the motion.
+            rate: Samples per second of a format with evenly spaced samples, in [Hz];
+                None: the average rate of the motion.
             format: Name of the format, as documented; None: csv or npz, by the ending.
 
         Returns:
@@ -563,11 +611,15 @@ class Robot:
 
         Args:
             times: In [s], increasing, shape (n_samples,).
-            positions: Positions of the joints, shape (n_samples, n_joints).
+            positions: Positions of the joints in [rad] or [m], shape (n_samples,
+                n_joints), or by joint.
             velocities: In [rad/s] or [m/s], like positions; None: unknown, positions
                 are interpolated linearly.
-            base: Poses of the base link, shape (n_samples, 7); None: the motion has no
-                base.
+            base: Poses of the base link in the map, shape (n_samples, 7); None: the
+                motion has no base.
+
+        Returns:
+            The motion, its joints in the order of the robot.
 
         Raises:
             G1DescriptionError: If an argument is invalid.
@@ -593,8 +645,12 @@ class Robot:
             base: Pose of the base link in the map, shape (7,); None: it stays.
             stamp: When the configuration is shown, a rospy.Time; None: at once.
 
+        Returns:
+            The message.
+
         Raises:
             G1DescriptionError: If positions or base are invalid.
+            ImportError: If this Python has no ROS.
         """
         names, numbers = named_positions(positions, self.joint_names)
         poses = None if base is None else one_pose(base)[np.newaxis]
@@ -609,8 +665,12 @@ class Robot:
                 ``joint_trajectory`` and the action take.
             stamp: When the motion starts, a rospy.Time; None: at once.
 
+        Returns:
+            The message.
+
         Raises:
             UnknownNameError: If it has unknown joints.
+            ImportError: If this Python has no ROS.
         """
         check_names(motion.joint_names, self.joint_names)
         return _messages().whole_body_message(motion, stamp)
@@ -626,6 +686,7 @@ class Robot:
 
         Raises:
             G1DescriptionError: If the message is no motion of this robot.
+            ImportError: If this Python has no ROS.
         """
         return _messages().motion_from_message(message, self.joint_names)
 
@@ -633,8 +694,12 @@ class Robot:
     def positions_of(self, motion: Motion) -> np.ndarray:
         """Arrange the positions of a motion in the order of the robot's joints.
 
+        Args:
+            motion: The motion.
+
         Returns:
-            Positions, shape (n_samples, n_joints); joints missing from it are neutral.
+            Positions in [rad] or [m], shape (n_samples, n_joints); joints missing from
+            it are neutral.
 
         Raises:
             UnknownNameError: If it has unknown joints.
@@ -644,7 +709,14 @@ class Robot:
         return self.positions(dict(zip(motion.joint_names, motion.positions.T)))
 
     def mirrored(self, motion: Motion) -> Motion:
-        """Exchange left and right of a motion, at the plane y = 0.
+        """Exchange left and right of a motion, at the plane y = 0 of the map.
+
+        Args:
+            motion: The motion. Joints belong together by their names, such as
+                ``left_knee`` and ``right_knee``.
+
+        Returns:
+            The mirrored motion.
 
         Raises:
             MotionError: If it has unknown joints, or the robot is not symmetric.
@@ -658,14 +730,20 @@ class Robot:
         end: str | JointValues | None = None,
         seconds: float = 1.0,
     ) -> Motion:
-        """Let a motion come from a pose and end in one, standing on the floor.
+        """Let a motion come from a pose and end in one, standing on the floor, z = 0.
+
+        Joints move with minimum jerk. Source: Flash and Hogan, J. Neuroscience, 1985.
 
         Args:
             motion: A motion, whose lowest foot keeps its place; poses are upright.
-            begin: Name of a pose, or positions; None: nothing is added there.
+            begin: Name of a pose, or positions in [rad] or [m], shape (n_joints,) or by
+                joint; None: nothing is added there.
             end: Like ``begin``, after the motion.
             seconds: Shortest duration of each way, in [s]; longer where a joint would
                 exceed its velocity limit.
+
+        Returns:
+            The motion from 0 s on.
 
         Raises:
             G1DescriptionError: If a pose or the duration is invalid.
@@ -688,7 +766,13 @@ class Robot:
         return dict(zip(self.joint_names, values.tolist()))
 
     def on_floor(self, motion: Motion) -> Motion:
-        """Lift or lower a whole motion so that its lowest point is at height 0.
+        """Lift or lower a whole motion so that its lowest point is at z = 0 of the map.
+
+        Args:
+            motion: The motion.
+
+        Returns:
+            The motion, all its bases moved by one height.
 
         Raises:
             MotionError: If it has no base.
@@ -760,6 +844,9 @@ class Robot:
             shift: Time of the executed motion minus that of the reference, in [s];
                 None: the one with the smallest rms error of the joints.
 
+        Returns:
+            Their differences at the samples of the executed motion.
+
         Raises:
             G1DescriptionError: If they do not fit the robot, or have nothing in common.
         """
@@ -785,10 +872,13 @@ class Robot:
 
         Args:
             positions: Positions of the joints, shape (n_joints,), or by joint.
-            base: Pose of the base link, shape (7,); None: unknown, the floor is not
-                checked.
+            base: Pose of the base link in the map, whose floor is z = 0, shape (7,);
+                None: unknown, the floor is not checked.
             only: Names of the checks to make; none: all.
             thresholds: As for ``check``.
+
+        Returns:
+            The findings; ``passed`` is False if any check failed.
 
         Raises:
             G1DescriptionError: If the configuration is invalid, or a check or threshold
@@ -825,6 +915,9 @@ class Robot:
                 their visuals.
             engine: Physics engine of simulations, ``bullet`` or ``mujoco``.
 
+        Returns:
+            The checker, whose ``check`` takes a motion with joints of this robot.
+
         Raises:
             G1DescriptionError: If a file cannot be read, a threshold is unknown, or an
                 engine is not installed.
@@ -850,12 +943,13 @@ class Robot:
 
         Args:
             positions: Positions by joint, or of shape (n, n_joints) or (n_joints,).
-            base: Poses of the base link, shape (n, 7) or (7,).
+            base: Poses of the base link in the world, shape (n, 7) or (7,).
             margin: In [m]; links nearer than this are found; 0: only overlaps.
 
         Returns:
             The contacts; ``sample`` is the index of the configuration, ``pair`` that of
-            the links in ``collision_pairs``, ``distance`` is negative for overlaps.
+            the links in ``collision_pairs``, ``distance`` in [m] is negative for
+            overlaps: the shortest way out.
 
         Raises:
             G1DescriptionError: If positions or base are invalid.

@@ -140,7 +140,11 @@ class Client:
         self.close()
 
     def close(self) -> None:
-        """Disconnect; resume time if it ran before."""
+        """Disconnect; resume time if it ran before.
+
+        Raises:
+            NoAnswerError: If the simulator does not answer.
+        """
         try:
             if self._was_running:
                 self._was_running = False
@@ -150,11 +154,18 @@ class Client:
 
     @property
     def time_step(self) -> float:
-        """Length of a step in simulated time, in [s]."""
+        """Length of a step in simulated time, in [s].
+
+        Raises:
+            NoAnswerError: If the simulator does not answer.
+        """
         return self._physics().time_step
 
     def state(self) -> SteppedState:
-        """Return the robot's current state.
+        """Return the robot's current state; no time passes.
+
+        Returns:
+            The state; the pose and the twist of its root link are in the world.
 
         Raises:
             NoAnswerError: If the simulator does not answer.
@@ -187,8 +198,8 @@ class Client:
 
         Args:
             n: Number of steps.
-            positions: Set before the first step, as by ``set``.
-            base: Set before the first step, too.
+            positions: Set before the first step, as by ``set``, in [rad] or [m].
+            base: Pose of the root link in the world, set before the first step, too.
 
         Returns:
             The state after the last step.
@@ -244,7 +255,8 @@ class Client:
         """Start a motion now; it advances with the following steps.
 
         Args:
-            motion: The motion. Its base is used only in ``kinematic`` physics.
+            motion: The motion, from its time 0 on. Its base, in the world, is used only
+                in ``kinematic`` physics.
 
         Returns:
             Deviations from the request; may be empty.
@@ -268,9 +280,10 @@ class Client:
             every: Steps between two returned samples.
 
         Returns:
-            The measured motion of the robot.
+            The measured motion of the robot, as by ``record``.
 
         Raises:
+            RefusedError: If the length of a step is 0.
             G1DescriptionError: If the request is invalid.
         """
         count("every", every, 1)
@@ -290,7 +303,8 @@ class Client:
             every: Steps between two states; the last one is always recorded.
 
         Returns:
-            The states as a motion that starts with the current one, at time 0.
+            The states as a motion that starts with the current one, at time 0; its base
+            poses are those of the root link in the world.
 
         Raises:
             G1DescriptionError: If the request is invalid.
@@ -317,8 +331,8 @@ class Client:
             namespace: Namespace of the robot's topics.
 
         Returns:
-            The states as a motion that starts at time 0; its ``notes`` name
-            missing ones.
+            The states as a motion that starts at time 0, its base in the map; its
+            ``notes`` name missing ones.
 
         Raises:
             InvalidValueError: If ``seconds`` is not positive and finite.

@@ -120,7 +120,11 @@ class Stream:
         return now.to_sec()
 
     def close(self) -> None:
-        """Let the last configuration last a period, and disconnect."""
+        """Let the last configuration last a period, and disconnect.
+
+        Raises:
+            NoAnswerError: If time stands still.
+        """
         try:
             if not rospy.is_shutdown():
                 self._wait_for_period()

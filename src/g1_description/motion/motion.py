@@ -150,8 +150,8 @@ class Motion:
         """Cut a part out.
 
         Args:
-            begin: Start of the part in [s], where a sample is inserted; None: that of
-                the motion.
+            begin: Start of the part in [s], a time of the motion, where a sample is
+                inserted; None: that of the motion.
             end: End of the part, in [s]; None: that of the motion.
 
         Returns:
@@ -175,11 +175,19 @@ class Motion:
     def sampled(self, times: np.ndarray) -> Motion:
         """Take other samples.
 
+        Between samples joints follow cubic Hermite polynomials where velocities are
+        known, else straight lines; the base has constant velocities (Shoemake, SIGGRAPH
+        1985).
+
         Args:
-            times: In [s], increasing, shape (n,).
+            times: In [s], increasing, shape (n,); outside the motion its first or last
+                sample is taken.
 
         Returns:
             The motion of these samples; at its end the last velocities are kept.
+
+        Raises:
+            MotionError: If the times do not increase.
         """
         found = sample(self, times)
         velocities = None
@@ -227,6 +235,9 @@ class Motion:
             speed: Seconds of the motion in a second, positive.
             start: Time of the motion that becomes zero, in [s].
 
+        Returns:
+            The motion, with its velocities scaled, too.
+
         Raises:
             InvalidValueError: If the speed is not positive.
         """
@@ -245,7 +256,8 @@ class Motion:
         """Keep exactly these joints, in this order.
 
         Args:
-            joint_names: Joints that it does not have are at 0; its others are left out.
+            joint_names: Joints that it does not have are at 0 rad or m; its others are
+                left out.
 
         Returns:
             The motion, with notes on joints added and left out.
@@ -282,6 +294,9 @@ class Motion:
 
         Args:
             names: New names by old names.
+
+        Returns:
+            The motion; joints without a new name keep theirs.
 
         Raises:
             UnknownNameError: If the motion has no joint of an old name.
