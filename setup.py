@@ -26,7 +26,7 @@ REQUIRES = [
     "Pillow>=10.4",
     "daqp>=0.11",
     "fast-simplification>=0.1.7; python_version >= '3.10'",
-    "fast-simplification>=0.1.7,<0.1.13; python_version < '3.10'",  # has wheels
+    "fast-simplification>=0.1.7,<0.1.13; python_version in '3.8 3.9'",  # has wheels
     "lxml>=4.5",
     "mcap>=1.6",
     "numpy>=1.17",
@@ -41,17 +41,22 @@ REQUIRES = [
 """Libraries from the versions on that the tests run with. requirements.txt names exact
 ones, also as constraints: pip install --constraint requirements.txt."""
 
+OLDEST = "3.8"
+
+NOT_OLDER = f"python_version >= '{OLDEST}'"
+"""With it pip of an older Python says that this is too old, not that xacro is."""
+
 FOR_OLD_MUJOCO = [
-    f"{library}; python_version < '3.9'"
+    f"{library}; python_version < '3.11'"
     for library in (
-        "etils<1.4",
+        "etils<1.6",
         "fsspec<2025.4",
         "importlib-resources<6.5",
         "typing-extensions<4.14",
         "zipp<3.21",
     )
 ]
-"""Without these, pip of Python 3.8 tries versions for more than five minutes."""
+"""Without these, pip of Python 3.8 to 3.10 may try versions for minutes."""
 
 EXTRAS = {
     "bullet": ["pybullet>=3.2.5; python_version < '3.12'"],  # newer ones are compiled
@@ -105,8 +110,10 @@ setup(
     license=MANIFEST.findtext("license"),
     maintainer=MANIFEST.findtext("maintainer"),
     maintainer_email=MANIFEST.find("maintainer").get("email"),
-    python_requires=">=3.8",
-    install_requires=REQUIRES,
+    python_requires=f">={OLDEST}",
+    install_requires=[
+        line if ";" in line else f"{line}; {NOT_OLDER}" for line in REQUIRES
+    ],
     extras_require=EXTRAS,
     packages=find_packages("src"),
     package_dir={"": "src"},
