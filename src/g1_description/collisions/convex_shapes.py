@@ -26,11 +26,6 @@ TOLERANCE = 5e-4
 PyBullet's run time grows with the number of points."""
 
 
-FEW = 256
-"""Largest number of points that are not thinned: Qhull's import takes as long as the
-check of a short motion."""
-
-
 @dataclass(frozen=True)
 class ConvexShape:
     """All points within a radius of the convex hull of some points."""
@@ -105,8 +100,6 @@ def _hulls(
 
 def _few(points: np.ndarray) -> np.ndarray:
     """Select points with almost the same convex hull, shape (m, 3)."""
-    if len(points) <= FEW:
-        return points
     return thinned(hull_vertices(points), TOLERANCE)[0]
 
 
