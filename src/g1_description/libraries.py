@@ -32,23 +32,28 @@ def missing(what: str, error: ModuleNotFoundError) -> str:
             "the workspace and use /usr/bin/python3."
         )
     library = DISTRIBUTIONS.get(name.split(".")[0], name.split(".")[0])
-    marker, installed = _requirement(library), library
+    needs, pip = f"{what} needs {library}", f"{sys.executable} -m pip install"
+    try:
+        marker = _requirement(library)
+    except metadata.PackageNotFoundError:  # built by catkin
+        return f"{needs}; install it as docs/install.md says: {pip} -r requirements.txt"
+    installed = library
     below = re.search(r"python_version < ['\"]3\.(\d+)", marker or "")
     if below and sys.version_info >= (3, int(below[1])):
-        return f"{what} needs {library}, which needs a Python older than 3.{below[1]}."
+        return f"{needs}, which needs a Python older than 3.{below[1]}."
     if marker is not None:
         extra = re.search(r"extra == ['\"](\w+)", marker)
         installed = f"'{PACKAGE}[{extra[1]}]'" if extra else PACKAGE
-    python = f"{sys.executable} -m pip"
-    return f"{what} needs {library}; install it with: {python} install {installed}"
+    return f"{needs}; install it with: {pip} {installed}"
 
 
 def _requirement(library: str) -> str | None:
-    """Return the marker with which pip knows a library of this package, if it does."""
-    try:
-        lines = metadata.requires(PACKAGE) or ()
-    except metadata.PackageNotFoundError:  # built by catkin
-        return None
+    """Return the marker with which pip knows a library of this package, if it does.
+
+    Raises:
+        PackageNotFoundError: If pip did not install this package.
+    """
+    lines = metadata.requires(PACKAGE) or ()
     name = re.compile(re.sub(r"[-_.]+", "[-_.]+", library) + r"\b", re.IGNORECASE)
     pairs = (line.partition(";") for line in lines)
     markers = (marker for needed, _, marker in pairs if name.match(needed))

@@ -22,6 +22,7 @@ from g1_description.command_line import (
     within,
 )
 from g1_description.errors import InvalidValueError
+from g1_description.libraries import missing
 
 
 @dataclass(frozen=True)
@@ -137,3 +138,10 @@ def test_a_line_is_said_at_once_and_a_closed_terminal_is_no_error():
     say("so", stream)
     assert (stream.getvalue(), stream.is_flushed) == ("so\n", True)
     say("so", Closed())
+
+
+def test_what_catkin_built_gets_the_versions_of_its_requirements(monkeypatch):
+    monkeypatch.setattr(sys, "path", [])  # nothing is installed by pip
+    line = missing("web", ModuleNotFoundError(name="viser.uplot"))
+    assert line.startswith("web needs viser; install it as docs/install.md says: ")
+    assert line.endswith(" -m pip install -r requirements.txt")
