@@ -138,8 +138,9 @@ def test_what_it_cannot_show_is_refused_in_a_sentence(refused, arguments, words)
     [
         (["--compare", "one.csv"], "--compare"),
         (["--motion", "a.csv", "--compare", "a.csv", "b.csv"], "cannot be combined"),
-        ([".", "--read-only"], "FOLDER cannot be combined with --motion"),
-        (["--report", "a.csv"], "--report and --selection need a FOLDER"),
+        ([".", "--read-only"], "a folder cannot be combined with --read-only"),
+        (["a.csv", "--motion", "b.csv"], "FILE cannot be combined with --motion"),
+        (["--report", "a.csv"], "--report and --selection need a folder as FILE"),
         (["--fps", "0"], "--fps: must be greater than 0"),
         (["--port", "http"], "--port"),
     ],

@@ -45,7 +45,7 @@ def motion_or_folder(text: str) -> Path:
     return Path(text) if Path(text).is_dir() else options.motion_file(text)
 
 
-@dataclass
+@dataclass(frozen=True)
 class WebOptions:
     """Show a robot and its motions in a browser, without a ROS master.
 
@@ -53,7 +53,7 @@ class WebOptions:
     roslaunch g1_description display.launch web:=true.
     """
 
-    folder: Path | None = argument(
+    path: Path | None = argument(
         "a motion to open, or a folder of motions to look through",
         motion_or_folder,
         nargs="?",
@@ -106,21 +106,32 @@ class WebOptions:
     read_only: bool = option("show the robot without controls", False)
 
     def __post_init__(self) -> None:
-        """Check combinations of options; a motion for FOLDER is that of --motion.
+        """Check combinations of options.
 
         Raises:
             InvalidValueError: If some exclude each other.
         """
-        if self.folder and not (self.folder.is_dir() or self.motion or self.compare):
-            self.motion, self.folder = self.folder, None
-        if self.folder and (self.motion or self.compare or self.read_only):
+        if self.path and (self.motion or self.compare):
             raise InvalidValueError(
-                "FOLDER cannot be combined with --motion, --compare or --read-only"
+                "FILE cannot be combined with --motion or --compare"
             )
+        if self.folder and self.read_only:
+            raise InvalidValueError("a folder cannot be combined with --read-only")
         if not self.folder and (self.report or self.selection):
-            raise InvalidValueError("--report and --selection need a FOLDER")
+            raise InvalidValueError("--report and --selection need a folder as FILE")
         if self.motion and self.compare:
             raise InvalidValueError("--motion and --compare cannot be combined")
+
+    @property
+    def folder(self) -> Path | None:
+        """The folder of motions, if FILE is one."""
+        return self.path if self.path and self.path.is_dir() else None
+
+    @property
+    def files(self) -> list[Path]:
+        """The motions that are opened."""
+        opened = self.motion or (None if self.folder else self.path)
+        return self.compare or ([opened] if opened else [])
 
 
 def notify(text: str) -> None:
@@ -135,7 +146,7 @@ def make_world(args: WebOptions) -> tuple[FileWorld, list[tuple[Path, Motion]]]:
         G1DescriptionError: If a file is invalid.
     """
     robot = read_description(args.model)
-    files = args.compare or ([args.motion] if args.motion else [])
+    files = args.files
     motions = [(file, _read(args, file, robot, args.fps)) for file in files]
     names = [file.name for file in files] if len(files) > 1 else [robot.name]
     if len({*names}) < len(names):
@@ -163,10 +174,9 @@ def _read(
     args: WebOptions, file: Path, robot: Description, rate: float | None
 ) -> Motion:
     """Read a motion."""
-    given = (args.motion, *(args.compare or ()))
     is_listed = args.folder is not None and args.folder in file.parents
     rate = args.fps if is_listed else rate
-    if is_listed or file in given:
+    if is_listed or file in args.files:
         options = ReadOptions(rate, args.topic, args.order, args.format)
     else:
         options = ReadOptions(rate)
