@@ -17,7 +17,7 @@ from checked import ARM, POST, post_motion, write_motions
 from forked import run_forked
 from waiting import wait_for
 
-from g1_description.cli import check, check_options, start
+from g1_description.cli import check, start
 from g1_description.cli.check import MISUSE, CheckOptions
 from g1_description.cli.motion_paths import motion_files, picture_names
 from g1_description.command_line import parse
@@ -43,12 +43,11 @@ def run(*arguments):
     return check.check(parse(CheckOptions, "check", words))
 
 
-def refused(capsys, monkeypatch, *arguments):
+def refused(capsys, *arguments):
     """Run the command where it is refused; return the sentence."""
     given = ["--model", "post.urdf", *arguments]
-    monkeypatch.setattr(check_options, "own_arguments", lambda: given)
     with pytest.raises(SystemExit) as end:
-        check.main()
+        check.main(parse(CheckOptions, "check", given))
     assert end.value.code == MISUSE
     output = capsys.readouterr()
     assert output.out == ""
@@ -103,6 +102,7 @@ DAMAGED = {
     "semicolons.csv": "time;arm_joint\n0;zero\n",
     "cut.yaml": "joint_names: [arm_joint]\npoints:\n- positions: [0.1\n",
     "table.npz": ACTORS,
+    "of_ros_2.db3": "SQLite format 3\0",
 }
 
 
@@ -159,13 +159,11 @@ def test_a_file_that_was_named_has_to_be_a_motion(folder, capsys):
         ),
     ],
 )
-def test_bad_input_is_refused_in_a_sentence(
-    folder, capsys, monkeypatch, arguments, sentence
-):
+def test_bad_input_is_refused_in_a_sentence(folder, capsys, arguments, sentence):
     (folder / "empty").mkdir()
     write_motions(folder, PASSES, PASSES)
     before = sorted(folder.iterdir())
-    assert refused(capsys, monkeypatch, *arguments).startswith(sentence)
+    assert refused(capsys, *arguments).startswith(sentence)
     assert sorted(folder.iterdir()) == before
 
 
@@ -227,10 +225,10 @@ def test_a_motion_that_nothing_can_be_said_of_has_not_passed(folder, capsys):
     assert "not checked: All checks were skipped: " in output
 
 
-def test_unknown_orders_and_formats_are_told(folder, capsys, monkeypatch):
-    line = refused(capsys, monkeypatch, "a.csv", "--format", "qpso")
+def test_unknown_orders_and_formats_are_told(folder, capsys):
+    line = refused(capsys, "a.csv", "--format", "qpso")
     assert "unknown format 'qpso'; formats: qpos, " in line
-    line = refused(capsys, monkeypatch, "a.csv", "--order", "zyxw")
+    line = refused(capsys, "a.csv", "--order", "zyxw")
     assert "invalid choice: 'zyxw'" in line
 
 
@@ -255,12 +253,12 @@ def test_all_motions_of_a_file_are_checked(folder, capsys):
     assert [file["file"] for file in found] == ["two.npz#0", "two.npz#1"]
 
 
-def test_no_report_takes_the_place_of_a_motion(folder, capsys, monkeypatch):
+def test_no_report_takes_the_place_of_a_motion(folder, capsys):
     (file,) = write_motions(folder, PASSES)
     before, name = Path(file).read_bytes(), Path(file).name
-    line = refused(capsys, monkeypatch, str(file), "--csv", f"./{name}")
+    line = refused(capsys, str(file), "--csv", f"./{name}")
     assert line.endswith("which is one of the motions to check.")
-    line = refused(capsys, monkeypatch, ".", "--csv", name)
+    line = refused(capsys, ".", "--csv", name)
     assert line.endswith("which is one of the motions to check.")
     assert Path(file).read_bytes() == before
 

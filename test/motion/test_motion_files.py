@@ -272,6 +272,7 @@ BAD = {
     "xml": ("<package/>", "This is XML with the root <package>"),
     "json": ('{"a": [1, 2]}\n', "This is JSON"),
     "HDF5": (b"\x89HDF\r\n\x1a\n" + b"\x00\xff" * 100, "HDF5 is not read; save"),
+    "sqlite": (b"SQLite format 3\0\x01", "SQLite is not read; convert it to MCAP"),
     "line": (b"time,a\n0,\x80", r"UTF-8 text .see line 2\)"),
     "zip": (lambda: zipped("motion.csv"), "a zip file without arrays"),
     "pointer": (

@@ -16,6 +16,9 @@ from g1_description.motion.paths import absent, split
 from g1_description.motion.selection import Selection
 from g1_description.text import listed
 
+SQLITE = ".db3"
+"""Extension of ROS 2's other bags: their folders would seem to have no motion."""
+
 
 @dataclass(frozen=True)
 class MotionFiles:
@@ -94,7 +97,9 @@ def motion_files(
             if file.name != selections.FILE and os.path.realpath(file) not in reports
         ]
         motions = [
-            file for file in below if file.is_dir() or file.suffix.lower() in ENDINGS
+            file
+            for file in below
+            if file.is_dir() or file.suffix.lower() in (*ENDINGS, SQLITE)
         ]
         if not motions:
             raise InvalidValueError(

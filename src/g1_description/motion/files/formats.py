@@ -93,8 +93,15 @@ one; those that can be recorded come first."""
 WRITTEN = {w.ending: w.most_samples for w in WRITERS.values() if w.most_samples}
 """Formats that can be recorded, by extension."""
 
-OTHERS = {b"\x89HDF": "HDF5", b"PAR1": "Parquet"}
-"""Formats of data sets that need large libraries, by first bytes."""
+SAVED = "is not read; save the motion with numpy.savez or as CSV."
+
+OTHERS = {
+    b"\x89HDF": f"HDF5 {SAVED}",
+    b"PAR1": f"Parquet {SAVED}",
+    b"SQLite format 3": "A ROS 2 bag in SQLite is not read; convert it to MCAP with "
+    "'ros2 bag convert'.",
+}
+"""Sentences on formats of others, by first bytes."""
 
 
 def read_motion(path: Path, robot: Description, options: ReadOptions = USUAL) -> Motion:
@@ -223,7 +230,9 @@ def _formats(source: MotionSource) -> Iterator[Format]:
     if name is not None and name not in FORMATS:
         raise MotionError(f"There is no format {name!r}; formats: {listed(FORMATS)}.")
     if source.options.topic is not None and not is_recorded(source):
-        raise MotionError(f"Not a rosbag; the topic {source.options.topic} needs one.")
+        raise MotionError(
+            f"Not a rosbag or MCAP; the topic {source.options.topic} needs one."
+        )
     if name is not None:
         if not _recognises(FORMATS[name], source):
             raise MotionError(f"The file is not of the format {name}.")
@@ -267,9 +276,9 @@ def _problem(source: MotionSource) -> str:
         return f"No known format has the arrays {found}."
     if source.is_zip:
         return "Not an npz: a zip file without arrays."
-    for begin, name in OTHERS.items():
+    for begin, sentence in OTHERS.items():
         if source.head.startswith(begin):
-            return f"{name} is not read; save the motion with numpy.savez or as CSV."
+            return sentence
     known = "npz, pickle, rosbag, MCAP or UTF-8 text"
     return f"Unknown format: not an {known}{_line(source)}."
 

@@ -160,7 +160,7 @@ class MotionSource:
             return None
         if text.startswith("version https://git-lfs."):
             raise MotionError("This is a Git LFS pointer: run git lfs pull.")
-        return text
+        return None if "\0" in text else text  # as the begin of a small database
 
     @cached_property
     def xml_root(self) -> str:
