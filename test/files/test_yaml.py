@@ -12,7 +12,7 @@ from g1_description.files.yaml import MAX_SIZE, YamlError, finite_number, read_y
         (b"a: [", "it is not valid YAML: line 1: "),
         (b"a: 1\nb: 2\na: 3", 'it is not valid YAML: line 3: found duplicate key "a"'),
         (b"[" * 1000, "it is not valid YAML: "),
-        (b"[" * 200_000, "it is not valid YAML: "),
+        (b"[" * 100_000, "it is not valid YAML: "),
         (b"? " * 200_000, "it is not valid YAML: "),
         (b"\xff\xfe", "it is not valid YAML: 'utf-8' codec can't decode"),
         (b"!!python/object:os.system {}", "it is not valid YAML: line 1: "),

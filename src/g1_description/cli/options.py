@@ -150,7 +150,7 @@ def _format(text: str) -> str:
 def topic() -> Any:
     """Declare the topic of a bag."""
     return option(
-        "topic of the joints in a rosbag",
+        "topic of the joints in a rosbag or MCAP file",
         None,
         str,
         shown="joint_states, or what the bag has",

@@ -144,8 +144,7 @@ class SnapshotOptions:
         str,
     )
     motion: Path | None = option(
-        "draw the motion in this file (CSV, npz, pickle, bag, YAML of a trajectory) "
-        "without a master",
+        "draw the motion in this file, without a master",
         None,
         options.motion_file,
         metavar="FILE",

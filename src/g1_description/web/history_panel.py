@@ -89,7 +89,9 @@ class HistoryPanel(Panel):
         live = gui.add_button("Live", hint="show the robot as it is now")
         check = gui.add_button("Check this range", hint="the time line")
         self._name = gui.add_text(
-            "File name", "history", hint="a motion; a bag if it ends in .bag or .mcap"
+            "File name",
+            "history",
+            hint="saved as CSV unless it ends in .npz, .bag or .mcap",
         )
         save = gui.add_button("Save this range", hint=f"into {folder()}")
         start = gui.add_button(

@@ -70,7 +70,7 @@ class Channel:
     """Which of ``_DEFINITIONS`` reads them; empty: none."""
 
     encoding: str
-    """One of ``_STAMPS``."""
+    """How its messages are encoded, as in the file."""
 
     count: int
     """Number of messages."""
