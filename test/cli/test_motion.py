@@ -305,9 +305,9 @@ def test_one_or_all_motions_of_a_file_are_taken(motions, capsys):
     found = sorted(path.name for path in (motions / "out" / "set").iterdir())
     assert found == ["0.2.csv", "0.3.csv", "to_0.1.csv"]
     capsys.readouterr()
-    assert run("info", "set.txt") == 1
+    assert run("info", "set.txt") == 2
     assert "set.txt: The file has several motions" in capsys.readouterr().out
-    assert run("info", "set.txt#to/9") == 1
+    assert run("info", "set.txt#to/9") == 2
     told = capsys.readouterr().out
     assert told.startswith("set.txt#to/9: There is no motion 'to/9'; to/0.1, 0.2, 0.3.")
 

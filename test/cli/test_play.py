@@ -272,6 +272,7 @@ def test_steps_on_the_way_to_the_beginning_are_led_in(robot):
 @pytest.mark.parametrize(
     ("words", "told"),
     [
+        ([], "play: none.csv does not exist"),
         (["--speed", "0"], "--speed: must be a number from"),
         (["--speed", "1e9"], "--speed: must be a number from"),
         (["--fps", "1e12"], "must be greater than 0 and at most 1e+06"),
@@ -280,9 +281,9 @@ def test_steps_on_the_way_to_the_beginning_are_led_in(robot):
 )
 def test_a_wrong_command_line_ends_with_a_sentence(words, told, capsys):
     with pytest.raises(SystemExit) as end:
-        parse(PlayOptions, "play", ["wave.csv", *words])
-    message = end.value.code if isinstance(end.value.code, str) else ""
-    assert told in message + capsys.readouterr().err
+        play.main(parse(PlayOptions, "play", ["none.csv", *words]))
+    assert end.value.code == 2
+    assert told in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

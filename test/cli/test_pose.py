@@ -11,7 +11,7 @@ from forked import run_script
 
 pytest.importorskip("rospy", reason="rospy is not installed")
 
-from g1_description.cli.pose import PoseOptions, list_poses, save
+from g1_description.cli.pose import PoseOptions, list_poses, main, save
 from g1_description.command_line import parse
 from g1_description.errors import PoseFileError
 
@@ -43,6 +43,14 @@ def test_a_wrong_command_line_ends_with_a_sentence(words, told, capsys):
     output, errors = capsys.readouterr()
     assert told in errors
     assert (output, len(errors.splitlines())) == ("", 1)
+
+
+@pytest.mark.parametrize("words", [["--file", "none.yaml"], ["--model", "none.urdf"]])
+def test_a_file_that_cannot_be_read_is_no_fault_of_the_robot(words, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(parse(PoseOptions, "pose", ["--list", "--model", "g1_29dof", *words]))
+    assert ended.value.code == 2
+    assert "none." in capsys.readouterr().err
 
 
 def test_a_pose_without_a_name_is_not_saved():

@@ -296,5 +296,5 @@ class TestAnchor(unittest.TestCase):
         self.assertEqual(self.anchor_now(), "")
         refused = run("play", whole, "--anchor", LEFT)
         told = "play: --anchor needs a motion without a base, but whole.csv has one.\n"
-        self.assertEqual(refused.returncode, 1)
+        self.assertEqual(refused.returncode, 2)
         self.assertTrue(refused.stderr.endswith(told), refused.stderr)

@@ -202,5 +202,5 @@ class TestPlay(unittest.TestCase):
         ):
             with self.subTest(text=text):
                 done = run("play", *arguments)
-                self.assertEqual(done.returncode, 1)
+                self.assertEqual(done.returncode, 2)
                 self.assertIn(text, done.stderr.splitlines()[-1])

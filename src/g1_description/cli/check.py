@@ -27,7 +27,7 @@ from g1_description.checks.report import (
 )
 from g1_description.checks.verdict import FAILED
 from g1_description.choices import ENGINES
-from g1_description.cli.check_options import STDOUT, CheckOptions, parsed
+from g1_description.cli.check_options import STDOUT, CheckOptions
 from g1_description.cli.check_reports import (
     ReportPlaces,
     Reports,
@@ -220,9 +220,8 @@ def exit_code(outcomes: Collection[FileResult], named: Collection[str]) -> int:
     return MISUSE if is_missing else 0
 
 
-def main(args: CheckOptions | None = None) -> None:
+def main(args: CheckOptions) -> None:
     """Run the command, or exit with a message."""
-    args = args or parsed()
     try:
         sys.exit(watch(args) if args.watch else check(args))
     except (G1DescriptionError, OSError) as error:

@@ -260,6 +260,8 @@ def run(args: Reading) -> int:
         notify(unmatched(selection))
     if is_interrupted:
         return INTERRUPTED
+    if out.counts[FAILED] == len(tasks):
+        return MISUSE
     return 1 if out.counts[FAILED] else 0
 
 
@@ -388,7 +390,7 @@ def join(args: Join, tasks: Sequence[Task], robot: Description) -> int:
     motion = args.joined([read(task.path, args, robot)[1] for task in tasks])
     done = written(f"{len(tasks)} motions", motion, robot, place, args.to)
     say(out.add(whole, done))
-    return 1 if out.counts[FAILED] else 0
+    return MISUSE if out.counts[FAILED] else 0
 
 
 PROGRAMS = ("check", "play", "record", "snapshot", "web", "pose")

@@ -14,10 +14,8 @@ from contextlib import closing
 import numpy as np
 import rospy
 
-from g1_description.cli.play_options import PlayOptions, parsed
-from g1_description.command_line import (
-    say,
-)
+from g1_description.cli.play_options import PlayOptions
+from g1_description.command_line import refuse, say
 from g1_description.errors import (
     G1DescriptionError,
     InvalidValueError,
@@ -33,7 +31,7 @@ from g1_description.ros.lifecycle import start_node
 from g1_description.ros.map_frame import MapFrame
 from g1_description.ros.playing import Session
 from g1_description.ros.robot_view import RobotView
-from g1_description.ros.waiting import NoAnswerError, wait_until
+from g1_description.ros.waiting import NoAnswerError, RefusedError, wait_until
 from g1_description.sim.standing import lowest_height
 from g1_description.text import listed
 
@@ -318,12 +316,13 @@ def _leave(robot: RobotView, keyboard: Keyboard) -> None:
         notify(f"the robot may keep moving: {error}")
 
 
-def main(args: PlayOptions | None = None) -> None:
+def main(args: PlayOptions) -> None:
     """Run the command, or exit with a message."""
-    args = args or parsed()
     try:
         play(args)
-    except G1DescriptionError as error:
+    except (NoAnswerError, RefusedError) as error:
         sys.exit(f"play: {error}")
+    except G1DescriptionError as error:
+        refuse("play", error)
     except OSError as error:
         sys.exit(f"play: {error.strerror or error}")

@@ -13,10 +13,8 @@ import rospy
 from sensor_msgs.msg import JointState
 
 from g1_description.choices import DEFAULT
-from g1_description.cli.pose_options import PoseOptions, parsed
-from g1_description.command_line import (
-    say,
-)
+from g1_description.cli.pose_options import PoseOptions
+from g1_description.command_line import refuse, say
 from g1_description.errors import G1DescriptionError, PoseFileError
 from g1_description.motion.edit import minimum_jerk_trajectory
 from g1_description.robot.load import read_description
@@ -35,7 +33,7 @@ from g1_description.robot.state import RobotState
 from g1_description.ros.lifecycle import quiet_when_closing, start_node
 from g1_description.ros.parameters import DESCRIPTION, find_parameter, read_robot
 from g1_description.ros.robot_view import STANDS_STILL, RobotView
-from g1_description.ros.waiting import NoAnswerError
+from g1_description.ros.waiting import NoAnswerError, RefusedError
 from g1_description.text import listed
 
 TIMEOUT = 30.0
@@ -272,11 +270,12 @@ def _connect(args: PoseOptions) -> PosedRobot:
     return PosedRobot(args.namespace, notify)
 
 
-def main(args: PoseOptions | None = None) -> None:
+def main(args: PoseOptions) -> None:
     """Run the command, or exit with a message."""
-    args = args or parsed()
     act = list_poses if args.list else go if args.save is None else save
     try:
         act(args)
-    except G1DescriptionError as error:
+    except (NoAnswerError, RefusedError) as error:
         sys.exit(f"pose: {error}")
+    except G1DescriptionError as error:
+        refuse("pose", error)

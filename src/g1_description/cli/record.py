@@ -28,6 +28,7 @@ from g1_description.command_line import (
     own_arguments,
     parse,
     positive,
+    refuse,
     say,
     within,
 )
@@ -37,7 +38,7 @@ from g1_description.robot.description import Description
 from g1_description.ros.history import fetch_history
 from g1_description.ros.lifecycle import handle_signals, start_node
 from g1_description.ros.robot_view import wait_for_description
-from g1_description.ros.waiting import NoAnswerError, wait_until
+from g1_description.ros.waiting import NoAnswerError, RefusedError, wait_until
 
 TIMEOUT = 20.0
 """Longest wait for the first state, in [s]: machines may be busy."""
@@ -261,7 +262,9 @@ def main() -> None:
                 "--seconds, --model or --gazebo."
             )
         record(options)
-    except G1DescriptionError as error:
+    except (NoAnswerError, RefusedError) as error:
         sys.exit(f"record: {error}")
+    except G1DescriptionError as error:
+        refuse("record", error)
     except (OSError, rosgraph.MasterException) as error:
         sys.exit(f"record: Lost the connection to the master: {error}.")

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 import rosgraph
 import rospy
 
-from g1_description.errors import DescriptionError, InvalidValueError
+from g1_description.errors import InvalidValueError
 from g1_description.robot.assembly import WORLD, base_of
 from g1_description.robot.description import Description
 from g1_description.robot.state import RobotState
@@ -57,8 +57,8 @@ class RobotView:
             notify: Called with messages about the reason of a wait.
 
         Raises:
-            DescriptionError: If there is no description, or it is invalid.
-            NoAnswerError: If there is no master.
+            DescriptionError: If the description is invalid.
+            NoAnswerError: If there is no description or no master.
             ROSInterruptException: If the node is shut down.
         """
         try:
@@ -269,7 +269,8 @@ def wait_for_description(namespace: str, notify: Callable[[str], None]) -> Descr
         notify: Called with messages about the reason of the wait.
 
     Raises:
-        DescriptionError: If there is no description, or it is invalid.
+        NoAnswerError: If there is no description.
+        DescriptionError: If it is invalid.
         ROSInterruptException: If the node is shut down.
     """
     place = f"parameter {DESCRIPTION} in /{namespace} or above it"
@@ -280,5 +281,5 @@ def wait_for_description(namespace: str, notify: Callable[[str], None]) -> Descr
         DESCRIPTION_TIMEOUT,
     )
     if not parameter:
-        raise DescriptionError(f"No {place}; is the robot launched?")
+        raise NoAnswerError(f"No {place}; is the robot launched?")
     return read_robot(parameter)
