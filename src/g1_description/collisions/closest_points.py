@@ -262,12 +262,7 @@ class LeastOverlap:
         self, placed: ShapePairs, pair: np.ndarray, directions: np.ndarray
     ) -> np.ndarray:
         """Measure gaps without radii, but for rounding."""
-        some = placed[pair]
-        back = -(directions[:, np.newaxis] @ some.axes)
-        end_a = self._separation.ends(some.a, directions[:, np.newaxis])[:, 0]
-        end_b = self._separation.ends(some.b, back)[:, 0]
-        beyond = some.origin - end_a
-        return dot(beyond, directions) - dot(end_b, back[:, 0])
+        return dot(directions, self._separation.between_ends(placed[pair], directions))
 
 
 def _across(

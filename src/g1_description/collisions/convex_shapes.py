@@ -305,7 +305,7 @@ class Separation:
         for _ in range(ROUNDS):
             if not len(rows):
                 break
-            step = self._between_ends(placed, direction)
+            step = self.between_ends(placed, direction)
             radii = self._radius[placed.a] + self._radius[placed.b]
             is_apart = (direction * step).sum(axis=1) - radii > gap
             found[rows[is_apart]] = True
@@ -316,7 +316,7 @@ class Separation:
             direction = _unit(direction - 2.0 * turned * step)
         return found
 
-    def _between_ends(self, placed: ShapePairs, direction: np.ndarray) -> np.ndarray:
+    def between_ends(self, placed: ShapePairs, direction: np.ndarray) -> np.ndarray:
         """Find vectors from the last points of a along directions to the first of b.
 
         Args:
@@ -350,14 +350,18 @@ class Separation:
         Returns:
             In the same frames, in [m], shape (n, k, 3).
         """
+        result = np.zeros(directions.shape)
+        for shape, rows in self._grouped(which):
+            some = directions[rows]
+            result[rows] = _farthest(shape, some.reshape(-1, 3)).reshape(some.shape)
+        return result
+
+    def _grouped(self, which: np.ndarray) -> Iterator[tuple[ConvexShape, np.ndarray]]:
+        """Yield each shape, and the rows of an array of indices that have it."""
         order = np.argsort(which, kind="stable")
         shapes, first = np.unique(which[order], return_index=True)
-        result = np.zeros(directions.shape)
         for shape, rows in zip(shapes.tolist(), np.split(order, first[1:])):
-            some = directions[rows]
-            found = _farthest(self._shapes[shape], some.reshape(-1, 3))
-            result[rows] = found.reshape(some.shape)
-        return result
+            yield self._shapes[shape], rows
 
     def faces(
         self, placed: ShapePairs, direction: np.ndarray
@@ -391,11 +395,9 @@ class Separation:
         """Evaluate a function per shape, for all its directions at once."""
         if len(which) <= FEW:
             return self._per_row(which, directions, function is _farthest)
-        order = np.argsort(which, kind="stable")
-        shapes, first = np.unique(which[order], return_index=True)
         result = np.zeros((len(which), 3 if function is _farthest else 1))
-        for shape, rows in zip(shapes.tolist(), np.split(order, first[1:])):
-            result[rows] = function(self._shapes[shape], directions[rows])
+        for shape, rows in self._grouped(which):
+            result[rows] = function(shape, directions[rows])
         return result
 
     def _per_row(
