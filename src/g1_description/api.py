@@ -389,22 +389,21 @@ class Robot:
         Raises:
             UnknownNameError: If a link or role is unknown.
             InvalidValueError: If an argument is invalid.
-            TypeError: If a keyword is unknown.
         """
         from g1_description.ik.inverse_kinematics import IkOptions
 
-        kept = IkOptions(
-            fixed_links,
-            balance,
-            avoid_collisions,
-            floor,
-            base_motion,
-            weights,
-            points,
-            limits,
+        options = IkOptions(
+            fixed_links=fixed_links,
+            balance=balance,
+            avoid_collisions=avoid_collisions,
+            floor=floor,
+            base_motion=base_motion,
+            weights=weights,
+            points=points,
+            limits=limits,
         )
         begin, pose = self._start(start, base)
-        return self._inverse.solve(targets, begin, pose, kept)
+        return self._inverse.solve(targets, begin, pose, options)
 
     @former_arguments(**_IK_ARGUMENTS)
     def ik_path(  # noqa: PLR0913
@@ -447,25 +446,22 @@ class Robot:
         Raises:
             UnknownNameError: If a link or role is unknown.
             InvalidValueError: If an argument is invalid.
-            TypeError: If a keyword is unknown.
         """
         from g1_description.ik.inverse_kinematics import IkOptions
 
-        own, kept = (
-            as_numbers(times, "time"),
-            IkOptions(
-                fixed_links,
-                balance,
-                avoid_collisions,
-                floor,
-                base_motion,
-                weights,
-                points,
-                limits,
-            ),
+        options = IkOptions(
+            fixed_links=fixed_links,
+            balance=balance,
+            avoid_collisions=avoid_collisions,
+            floor=floor,
+            base_motion=base_motion,
+            weights=weights,
+            points=points,
+            limits=limits,
         )
+        stamps = as_numbers(times, "time")
         begin, pose = self._start(start, base)
-        return self._inverse.path(own, targets, begin, pose, kept)
+        return self._inverse.path(stamps, targets, begin, pose, options)
 
     def _start(
         self, start: JointValues | None, base: Any

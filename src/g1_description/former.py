@@ -6,8 +6,6 @@ import warnings
 from functools import wraps
 from typing import Any, Callable, TypeVar
 
-from g1_description.text import did_you_mean
-
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
@@ -35,8 +33,6 @@ def former_arguments(**renamed: str) -> Callable[[Function], Function]:
 
     def decorate(function: Function) -> Function:
         name = function.__qualname__.replace(".__init__", "")
-        code = function.__code__  # type: ignore[attr-defined]
-        known = code.co_varnames[1 : code.co_argcount + code.co_kwonlyargcount]
 
         @wraps(function)
         def call(*args: Any, **given: Any) -> Any:
@@ -46,12 +42,6 @@ def former_arguments(**renamed: str) -> Callable[[Function], Function]:
                 if old in given:
                     _warn(f"{name}({old}=...)", f"{new}=...")
                     given[new] = given.pop(old)
-            for word in given:
-                if word not in known:  # as Python says, with a likely one
-                    near = did_you_mean(word, known)
-                    raise TypeError(
-                        f"{name}() got an unexpected keyword argument '{word}'{near}"
-                    )
             return function(*args, **given)
 
         return call  # type: ignore[return-value]

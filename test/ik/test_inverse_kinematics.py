@@ -503,7 +503,7 @@ def test_times_of_a_path_must_increase():
 
 
 def test_an_unknown_option_of_a_path_is_refused():
-    with pytest.raises(TypeError, match=r"argument 'balanc' \(did you mean balance"):
+    with pytest.raises(TypeError, match="argument 'balanc'"):
         Robot(SLIDER).ik_path([0.0], {"cart": np.zeros((1, 3))}, balanc=True)
 
 
