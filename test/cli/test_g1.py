@@ -25,7 +25,7 @@ def g1(*words):
 def test_it_lists_the_commands_with_a_line_each(words):
     code, output, errors = g1(*words)
     assert (code, errors) == (0, "") and output.startswith("usage: g1 ")
-    assert re.findall(r"^    (\w+)\s+[a-z].*\.$", output, re.M) == [*NAMES]
+    assert re.findall(r"^    (\w+)\s+[A-Z].*\.$", output, re.M) == [*NAMES]
 
 
 @pytest.mark.parametrize(

@@ -2,37 +2,33 @@
 
 from __future__ import annotations
 
-import ast
 import sys
-from importlib.util import find_spec
-from pathlib import Path
 
 from g1_description.cli.start import run
-from g1_description.command_line import MISUSE, OneSentenceParser, entered
+from g1_description.command_line import OneSentenceParser, entered
 
 UNWRITTEN = "interrupted, nothing is written."
 
 COMMANDS = {
-    "check": ("check",),
-    "collision_pairs": ("collision_pairs", UNWRITTEN),
-    "import_model": (".importer.import_model", UNWRITTEN),
-    "motion": ("motion",),
-    "moveit_config": ("moveit_config",),
-    "snapshot": ("snapshot", UNWRITTEN),
-    "web": ("web",),
+    "check": ("Check motions in files.", "check"),
+    "collision_pairs": (
+        "Find pairs of links that need no check.",
+        "collision_pairs",
+        UNWRITTEN,
+    ),
+    "import_model": (
+        "Copy a robot and its meshes to a folder.",
+        ".importer.import_model",
+        UNWRITTEN,
+    ),
+    "motion": ("Describe, convert and edit motions in files.", "motion"),
+    "moveit_config": ("Write a MoveIt configuration of a robot.", "moveit_config"),
+    "snapshot": ("Draw a robot or a motion.", "snapshot", UNWRITTEN),
+    "web": ("Show a robot and its motions in a browser.", "web"),
 }
-"""Arguments of ``start.run``."""
+"""Descriptions, and arguments of ``start.run``."""
 
 OF_ROS = ("doctor", "play", "pose", "record")
-
-
-def about(name: str) -> str:
-    """Return what a command does, as its module says, which is not imported."""
-    spec = find_spec(f".{COMMANDS[name][0]}", __package__)
-    assert spec is not None and spec.origin is not None
-    text = Path(spec.origin).read_text(encoding="utf-8")
-    lines = str(ast.get_docstring(ast.parse(text))).splitlines()
-    return lines[0].partition(", which ")[2]
 
 
 def main() -> None:
@@ -40,7 +36,7 @@ def main() -> None:
     name = "".join(sys.argv[1:2])
     if name in COMMANDS:
         del sys.argv[1]
-        run(*COMMANDS[name])
+        run(*COMMANDS[name][1:])
         return
     top = OneSentenceParser(
         prog=entered(),
@@ -48,10 +44,9 @@ def main() -> None:
         description="Check, convert, show and draw motions of robots, without ROS.",
         epilog=f"{entered()} COMMAND -h lists the options of a command.",
     )
-    top.misuse = MISUSE
     commands = top.add_subparsers(title="commands", metavar="COMMAND")
-    for known in COMMANDS:
-        commands.add_parser(known, help=about(known))
+    for known, (about, *_) in COMMANDS.items():
+        commands.add_parser(known, help=about)
     if name in OF_ROS:
         own = f"rosrun g1_description {name}"
         top.error(f"{name} needs ROS: source the workspace, and run {own}")
