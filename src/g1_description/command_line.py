@@ -34,9 +34,6 @@ FORMER = {"to": "until"}
 class OneSentenceParser(argparse.ArgumentParser):
     """A parser with errors in one line, as in the output of roslaunch."""
 
-    misuse = 1
-    """Exit code where the command line is wrong."""
-
     def __init__(self, **given: Any) -> None:
         # An abbreviation may become ambiguous with the next version.
         super().__init__(allow_abbrev=False, **given)
@@ -62,7 +59,7 @@ class OneSentenceParser(argparse.ArgumentParser):
 
     def error(self, message: str) -> Any:
         """End with a sentence, without the usage."""
-        self.exit(self.misuse, f"{self.prog}: {message}; see {self.prog} -h.\n")
+        self.exit(MISUSE, f"{self.prog}: {message}; see {self.prog} -h.\n")
 
 
 class Ignored(argparse.Action):
@@ -172,7 +169,6 @@ def parser(options: type[Any], command: str) -> OneSentenceParser:
         command: Name of the command.
     """
     made = OneSentenceParser(prog=entered(command), description=options.__doc__)
-    made.misuse = MISUSE
     for name, declared in arguments_of(options).items():
         given = dict(declared.given)
         if not declared.is_positional:

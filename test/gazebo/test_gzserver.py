@@ -12,7 +12,7 @@ from g1_description.gazebo.programs import gzclient, gzserver
 def refusal(arguments, capsys):
     with pytest.raises(SystemExit) as end:
         gzserver.parse(shlex.split(arguments))
-    assert end.value.code == 1
+    assert end.value.code == 2
     told = capsys.readouterr().err
     assert told.count("\n") == 1
     return told

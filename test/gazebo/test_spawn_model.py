@@ -47,7 +47,7 @@ def test_joints_are_collected():
 def test_a_mistake_is_told_in_one_sentence(arguments, words, capsys):
     with pytest.raises(SystemExit) as end:
         parsed(arguments)
-    assert end.value.code == 1
+    assert end.value.code == 2
     told = capsys.readouterr().err
     assert words in told
     assert told.count("\n") == 1

@@ -408,7 +408,6 @@ def parsed(words: Sequence[str]) -> Reading:
         epilog=f"{program} COMMAND -h lists the options of a command.",
         usage=f"{program} [-h] COMMAND ...",
     )
-    top.misuse = MISUSE
     commands = top.add_subparsers(title="commands", metavar="COMMAND", dest="command")
     if words and words[0] in PROGRAMS:
         own = entered(words[0])
