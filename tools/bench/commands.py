@@ -1,4 +1,4 @@
-"""The start of commands: their processor time, and what rosrun adds."""
+"""The start of commands: their processor time."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def commands(bench):
     Medians; each run is divided by a run of `for _ in range(10**7): pass` just before.
     The commands run without rosrun, which adds its own time to each.
     """
-    found = {name: [] for name in (*COMMANDS, "rosrun itself")}
+    found = {name: [] for name in COMMANDS}
     loops = []
     for _ in range(bench.length(9, 3)):
         loops.append(_seconds(LOOP))
@@ -35,10 +35,8 @@ def commands(bench):
             script, *words = name.split()
             spent = _seconds((sys.executable, str(SCRIPTS / script), *words))
             found[name].append(spent / loops[-1])
-        spent = _seconds(("rosrun", "g1_description", "no_such_command"))
-        found["rosrun itself"].append(spent / loops[-1])
     for name, values in found.items():
-        bench.add(name, np.median(values), "loops", COMMANDS.get(name, ""))
+        bench.add(name, np.median(values), "loops", COMMANDS[name])
     bench.add("the loop", np.median(loops), "s")
 
 
