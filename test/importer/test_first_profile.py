@@ -4,7 +4,7 @@ import pytest
 from conftest import REPOSITORY
 
 from g1_description.api import Robot
-from g1_description.importer.command import run
+from g1_description.importer.import_model import run
 from g1_description.importer.robot import _scalar, guessed_links
 from g1_description.robot.poses import read_file
 

@@ -22,7 +22,7 @@ from waiting import DEADLINE, wait_for
 from g1_description.errors import DescriptionError
 from g1_description.files import model_files
 from g1_description.files.uris import local_path, with_absolute_uris
-from g1_description.importer.command import run
+from g1_description.importer.import_model import run
 from g1_description.robot.load import read_model
 from g1_description.robot.lumping import lump_fixed_joints
 from g1_description.robot.urdf import parse_urdf

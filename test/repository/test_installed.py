@@ -140,7 +140,7 @@ def test_a_program_loads_only_what_it_uses(python):
         "g1_description.Robot()\n"
         "print({'pybullet'} & {*sys.modules})\n"
         "from g1_description.sim.world import World\n"
-        "from g1_description.importer.command import run\n"
+        "from g1_description.importer.import_model import run\n"
         "print(World.__name__, callable(run))"
     )
     assert python(program).splitlines() == ["set()", "set()", "World True"]

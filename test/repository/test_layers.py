@@ -149,7 +149,7 @@ def test_few_modules_import_it(library, modules):
 @pytest.mark.slow
 def test_the_bridge_and_the_import_do_without_pybullet():
     pytest.importorskip("rospy", reason="rospy is not there")
-    modules = "g1_description.bridge.node, g1_description.importer.command"
+    modules = "g1_description.bridge.node, g1_description.importer.import_model"
     code = f"import sys, {modules}; sys.exit('pybullet' in sys.modules)"
     path = os.pathsep.join([str(SOURCE.parent), *sys.path])
     environment = {**os.environ, "PYTHONPATH": path}
