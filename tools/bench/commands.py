@@ -25,7 +25,6 @@ def commands(bench):
     """Processor time of commands, relative to ten million turns of a loop of Python.
 
     Medians; each run is divided by a run of `for _ in range(10**7): pass` just before.
-    The commands run without rosrun, which adds its own time to each.
     """
     found = {name: [] for name in COMMANDS}
     loops = []
