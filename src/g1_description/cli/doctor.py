@@ -221,9 +221,9 @@ def check_address(system: RunningSystem) -> Fault | str:
 
 
 def check_nodes(system: RunningSystem) -> Fault | str:
-    """Check that all nodes have valid addresses.
+    """Check that nodes have valid addresses.
 
-    Those between the simulator and TF answer.
+    Nodes between the simulator and TF must also answer.
 
     Faults:
         wrong_node_address: a node gave an address that cannot be resolved, or a node
@@ -524,7 +524,7 @@ def _spawn(system: RunningSystem) -> str:
 def check_urdf(system: RunningSystem) -> Fault | str:
     """Check that the model has the links, joint origins and axes of the robot.
 
-    As far as its pose shows: axes only away from zero.
+    Axes are compared only where joints are not at 0.
 
     Faults:
         other_urdf: the model was spawned from another URDF.
