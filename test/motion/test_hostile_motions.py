@@ -121,7 +121,9 @@ def zstd_bomb():
     file = io.BytesIO()
     writer = Writer(file)
     writer.start()
-    writer.add_message(writer.register_channel("/a", "", 0), 1, bytes(300_000_000), 1)
+    schema = writer.register_schema("sensor_msgs/msg/JointState", "ros2msg", b"")
+    channel = writer.register_channel("/joint_states", "cdr", schema)
+    writer.add_message(channel, 1, bytes(300_000_000), 1)
     writer.finish()
     return file.getvalue()
 

@@ -150,10 +150,10 @@ def test_what_a_robot_of_ros_2_recorded_is_read(tmp_path, compression):
         read_motion(path, G1, ReadOptions(topic="/x"))
 
 
-def one_message(kind="sensor_msgs/JointState", data=b"?", encoding="ros1"):
+def one_message(kind="sensor_msgs/JointState", data=b"?", encoding="ros1", **options):
     """Make a file of one message, without chunks, as of ROS 1."""
     stream = io.BytesIO()
-    writer = Writer(stream, use_chunking=False)
+    writer = Writer(stream, use_chunking=False, **options)
     writer.start("ros1")
     schema = writer.register_schema(kind, "ros1msg", b"?")
     channel = writer.register_channel("/joint_states", encoding, schema)
@@ -178,6 +178,10 @@ STATES = [("/joint_states", n, state(n, [KNEE], [0.5])) for n in range(1, 99)]
 BAD = {
     "cut": (lambda: ros2_bag(STATES)[:-300], "ends too early; try 'mcap recover'"),
     "cut chunk": (lambda: ros2_bag(STATES)[:900], "ends too early; try 'mcap recover'"),
+    "no summary": (
+        lambda: one_message(use_statistics=False),
+        "has no summary; try 'mcap recover'",
+    ),
     "empty": (lambda: ros2_bag([]), "has no joint_states.*: nothing"),
     "others": (
         lambda: one_message("foxglove.Log", encoding="json"),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import os
-from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -42,23 +41,16 @@ def recognise(source: MotionSource) -> bool:
 
 @contextmanager
 def _opened(source: MotionSource) -> Iterator[Recording]:
-    """Open a file, of ROS 1 or 2; it is read whole once for what it has."""
-    from mcap import records
+    """Open a file, of ROS 1 or 2."""
+    from mcap.records import Message
 
     with source.path.open("rb") as file:
-        schemas: dict[int, str] = {0: "no type"}
-        found: dict[int, records.Channel] = {}
-        counts: Counter[int] = Counter()
-        for record in _records(file):
-            if isinstance(record, records.Schema):
-                schemas[record.id] = record.name
-            elif isinstance(record, records.Channel):
-                found[record.id] = record
-            elif isinstance(record, records.Message):
-                counts[record.channel_id] += 1
+        summary = _summary(file)
+        schemas = {0: "no type", **{s.id: s.name for s in summary.schemas.values()}}
+        counts = summary.statistics.channel_message_counts
         channels = {
-            number: _channel(one, schemas[one.schema_id], counts[number])
-            for number, one in found.items()
+            number: _channel(one, schemas[one.schema_id], counts.get(number, 0))
+            for number, one in summary.channels.items()
         }
 
         def messages(
@@ -66,7 +58,7 @@ def _opened(source: MotionSource) -> Iterator[Recording]:
         ) -> Iterator[tuple[Channel, int, bytes]]:
             wanted = {*chosen}
             for record in _records(file):
-                if isinstance(record, records.Message):
+                if isinstance(record, Message):
                     channel = channels[record.channel_id]
                     if channel in wanted:
                         yield channel, record.log_time, record.data
@@ -86,15 +78,27 @@ def _channel(channel: Any, type_name: str, count: int) -> Channel:
     return Channel(channel.topic, type_name, kind, encoding, count, sender)
 
 
+def _summary(file: IO[bytes]) -> Any:
+    """Read the channels, schemas and statistics at the end of a file."""
+    from mcap.reader import SeekingReader
+
+    size = file.seek(0, os.SEEK_END)
+    file.seek(max(size - len(MAGIC), 0))
+    if file.read() != MAGIC:
+        raise MotionError("The bag ends too early; try 'mcap recover'.")
+    file.seek(0)
+    summary = SeekingReader(file, record_size_limit=size).get_summary()
+    if summary is None or summary.statistics is None:
+        raise MotionError("The bag has no summary; try 'mcap recover'.")
+    return summary
+
+
 def _records(file: IO[bytes]) -> Iterator[Any]:
     """Yield the records of a file from its begin on, also those in chunks."""
     from mcap.records import Chunk
     from mcap.stream_reader import StreamReader, breakup_chunk
 
     size = file.seek(0, os.SEEK_END)
-    file.seek(max(size - len(MAGIC), 0))
-    if file.read() != MAGIC:
-        raise MotionError("The bag ends too early; try 'mcap recover'.")
     file.seek(0)
     reading = StreamReader(file, emit_chunks=True, record_size_limit=size)
     for record in reading.records:

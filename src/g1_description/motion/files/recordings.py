@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 from g1_description.errors import MotionError, cause
@@ -148,7 +149,8 @@ def messages_of(
             f"The bag has more than {MAX_MESSAGES} messages on the relevant topics. "
             "Reduce it with 'rosbag filter' or 'mcap filter'."
         )
-    for channel, time, data in bag.messages(channels):
+    # A file may have more than it says.
+    for channel, time, data in islice(bag.messages(channels), MAX_MESSAGES):
         try:
             yield time, _decoded(channel, data)
         except Exception as error:  # any error of struct or numpy on damaged bytes
