@@ -182,6 +182,10 @@ BAD = {
         lambda: one_message(use_statistics=False),
         "has no summary; try 'mcap recover'",
     ),
+    "no channels": (
+        lambda: one_message(repeat_channels=False),
+        "has no summary; try 'mcap recover'",
+    ),
     "empty": (lambda: ros2_bag([]), "has no joint_states.*: nothing"),
     "others": (
         lambda: one_message("foxglove.Log", encoding="json"),

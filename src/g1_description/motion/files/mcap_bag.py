@@ -88,7 +88,11 @@ def _summary(file: IO[bytes]) -> Any:
         raise MotionError("The bag ends too early; try 'mcap recover'.")
     file.seek(0)
     summary = SeekingReader(file, record_size_limit=size).get_summary()
-    if summary is None or summary.statistics is None:
+    if (
+        summary is None
+        or summary.statistics is None
+        or len(summary.channels) < summary.statistics.channel_count
+    ):
         raise MotionError("The bag has no summary; try 'mcap recover'.")
     return summary
 
