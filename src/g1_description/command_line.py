@@ -21,7 +21,7 @@ MAX_FPS = 1e6
 """Largest number of samples per second of a motion."""
 
 
-MISUSE = 2
+EXIT_ERROR = 2
 """Exit code where a command line is wrong, or a command cannot do its work."""
 
 DISPATCHERS = ("g1", "g1-description")
@@ -59,7 +59,7 @@ class OneSentenceParser(argparse.ArgumentParser):
 
     def error(self, message: str) -> Any:
         """End with a sentence, without the usage."""
-        self.exit(MISUSE, f"{self.prog}: {message}; see {self.prog} -h.\n")
+        self.exit(EXIT_ERROR, f"{self.prog}: {message}; see {self.prog} -h.\n")
 
 
 class Ignored(argparse.Action):
@@ -155,8 +155,8 @@ def arguments_of(options: type[Any]) -> dict[str, Argument]:
     return {known.name: known.metadata["argument"] for known in fields(options)}
 
 
-def entered(command: str = "") -> str:
-    """Return a command as it is entered: ``g1 check``, or ``check`` after rosrun."""
+def program_name(command: str = "") -> str:
+    """Return how a command is entered: ``g1 check``, or ``check`` after rosrun."""
     own = Path(sys.argv[0]).stem
     return f"{own if own in DISPATCHERS else ''} {command}".strip()
 
@@ -168,7 +168,7 @@ def parser(options: type[Any], command: str) -> OneSentenceParser:
         options: The dataclass.
         command: Name of the command.
     """
-    made = OneSentenceParser(prog=entered(command), description=options.__doc__)
+    made = OneSentenceParser(prog=program_name(command), description=options.__doc__)
     for name, declared in arguments_of(options).items():
         given = dict(declared.given)
         if not declared.is_positional:
@@ -209,7 +209,7 @@ def parse(
         raise
 
 
-def refuse(
+def exit_with_error(
     command: str, error: G1DescriptionError | OSError | ModuleNotFoundError
 ) -> NoReturn:
     """Print why a command cannot do its work, and exit.
@@ -225,7 +225,7 @@ def refuse(
     elif isinstance(error, ModuleNotFoundError):
         text = missing(command, error)
     say(text, sys.stderr)
-    sys.exit(MISUSE)
+    sys.exit(EXIT_ERROR)
 
 
 def own_arguments() -> list[str]:

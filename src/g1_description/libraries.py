@@ -8,7 +8,7 @@ from importlib import metadata
 
 PACKAGE = "g1_description"
 
-OF_ROS = re.compile(
+ROS_MODULES = re.compile(
     r"(ros(py|graph|lib|bag|pkg)|tf|tf2_\w+|actionlib|genpy|\w+_(msgs|srvs)"
     r"|diagnostic_updater|dynamic_reconfigure|g1_description\.(msg|srv))(\.|$)"
 )
@@ -26,7 +26,7 @@ def missing(what: str, error: ModuleNotFoundError) -> str:
         error: The error of its import.
     """
     name = str(error.name)
-    if OF_ROS.match(name):
+    if ROS_MODULES.match(name):
         return (
             f"{what} needs {name}, which {sys.executable} lacks: it needs ROS. Source "
             "the workspace and use /usr/bin/python3."

@@ -18,7 +18,7 @@ from forked import run_forked
 from waiting import wait_for
 
 from g1_description.cli import check, start
-from g1_description.cli.check import MISUSE, CheckOptions
+from g1_description.cli.check import EXIT_ERROR, CheckOptions
 from g1_description.cli.motion_paths import motion_files, picture_names
 from g1_description.command_line import parse
 from g1_description.errors import InvalidValueError
@@ -48,7 +48,7 @@ def refused(capsys, *arguments):
     given = ["--model", "post.urdf", *arguments]
     with pytest.raises(SystemExit) as end:
         check.main(parse(CheckOptions, "check", given))
-    assert end.value.code == MISUSE
+    assert end.value.code == EXIT_ERROR
     output = capsys.readouterr()
     assert output.out == ""
     (line,) = output.err.splitlines()
@@ -111,7 +111,7 @@ def test_a_damaged_motion_of_a_folder_is_not_checked(folder, capsys):
     write_motions(folder, PASSES)
     for name, text in DAMAGED.items():
         (folder / name).write_text(text, encoding="latin-1")
-    assert run(".") == MISUSE
+    assert run(".") == EXIT_ERROR
     output = capsys.readouterr().out
     assert [name for name in DAMAGED if f"{name}: not read: " not in output] == []
     total = f"{len(DAMAGED) + 1} files: 1 passed, {len(DAMAGED)} not read"
@@ -122,13 +122,13 @@ def test_what_was_meant_and_is_no_motion_is_an_error(folder, capsys):
     """A file that was named, or a folder without any motion."""
     name = "."
     (folder / "actors.csv").write_text(ACTORS)
-    assert run(name) == MISUSE
+    assert run(name) == EXIT_ERROR
     assert "actors.csv: not a motion: " in capsys.readouterr().out
 
 
 def test_a_file_that_was_named_has_to_be_a_motion(folder, capsys):
     (folder / "actors.csv").write_text(ACTORS)
-    assert run(*write_motions(folder, PASSES), "actors.csv") == MISUSE
+    assert run(*write_motions(folder, PASSES), "actors.csv") == EXIT_ERROR
     assert "1 passed, 1 not a motion" in capsys.readouterr().out
 
 
@@ -220,7 +220,7 @@ def test_each_file_is_checked_once_and_pictures_have_names_of_their_own(folder):
 
 def test_a_motion_that_nothing_can_be_said_of_has_not_passed(folder, capsys):
     (file,) = write_motions(folder, PASSES)
-    assert run(file, "--only", "effort") == MISUSE
+    assert run(file, "--only", "effort") == EXIT_ERROR
     output = capsys.readouterr().out
     assert "not checked: All checks were skipped: " in output
 
@@ -246,7 +246,7 @@ def test_all_motions_of_a_file_are_checked(folder, capsys):
         frequency=50.0,
         split_points=np.array([0, len(rows[0]), 2 * len(rows[0])]),
     )
-    assert run("two.npz", "--quiet") == MISUSE
+    assert run("two.npz", "--quiet") == EXIT_ERROR
     assert run("two.npz#0", "--format", "qpos", "--quiet") == 0
     assert run("two.npz", "--all", "--json", "all.json") == 1
     found = json.loads((folder / "all.json").read_text())["files"]
@@ -272,7 +272,7 @@ def test_reports_in_the_folder_are_replaced(folder, capsys):
     for _ in range(2):
         assert run("motions", *given) == 0
         assert capsys.readouterr().out.splitlines()[-1] == "1 file: 1 passed."
-    assert run("motions", "motions/report.csv") == MISUSE
+    assert run("motions", "motions/report.csv") == EXIT_ERROR
 
 
 def test_what_cannot_be_written_leaves_the_rest(folder, capsys):
@@ -280,7 +280,7 @@ def test_what_cannot_be_written_leaves_the_rest(folder, capsys):
     (folder / "plots" / f"{Path(files[0]).name}.png").mkdir(parents=True)
     reports = ("--json", "a.json", "--html", "a.html")
     code = run(*files, "--plot", "plots", *reports)
-    assert code == MISUSE
+    assert code == EXIT_ERROR
     output = capsys.readouterr()
     assert "motion0.csv.png cannot be written" in output.err
     assert len(json.loads((folder / "a.json").read_text())["files"]) == 2

@@ -15,7 +15,7 @@ from checked import POST, post_motion
 
 from g1_description.cli import check
 from g1_description.cli.check import CheckOptions
-from g1_description.command_line import MISUSE, parse
+from g1_description.command_line import EXIT_ERROR, parse
 from g1_description.motion.files import table
 
 
@@ -47,12 +47,12 @@ def test_one_execution_is_compared_in_full(folder, capsys):
 
 def test_folders_are_compared_by_name_in_a_table_and_as_json(folder, capsys):
     words = ["--model", "post.urdf", "--against", "wanted", "runs", "--json"]
-    assert run(*words, "-") == MISUSE
+    assert run(*words, "-") == EXIT_ERROR
     a, b = json.loads(capsys.readouterr().out)
     assert a["shift"] == pytest.approx(0.2, abs=0.02)
     assert a["joints"]["arm_joint"]["rms"] == pytest.approx(0.01, rel=0.2)
     assert b == {"file": "runs/b.csv", "problem": "no motion is called b in wanted"}
-    assert run(*words, "out.json") == MISUSE
+    assert run(*words, "out.json") == EXIT_ERROR
     lines = capsys.readouterr().out.splitlines()
     assert lines[1].split()[:2] == ["runs/a.csv", f"{a['shift']:+.3f}"]
     assert "no motion is called b in wanted" in lines[2]
@@ -92,7 +92,7 @@ def test_motions_of_the_same_name_are_paired_by_their_folders(folder, capsys):
     x, y = json.loads(capsys.readouterr().out)
     assert x["joints"]["arm_joint"]["rms"] == pytest.approx(0.01)
     assert y["joints"]["arm_joint"]["rms"] > 0.1
-    assert run(*words, "-", "runs/b.csv") == MISUSE
+    assert run(*words, "-", "runs/b.csv") == EXIT_ERROR
 
 
 @pytest.mark.parametrize(
@@ -106,4 +106,4 @@ def test_motions_of_the_same_name_are_paired_by_their_folders(folder, capsys):
 def test_options_that_would_do_nothing_are_refused(folder, words):
     with pytest.raises(SystemExit) as end:
         run(*words)
-    assert end.value.code == MISUSE
+    assert end.value.code == EXIT_ERROR

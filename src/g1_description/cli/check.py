@@ -42,7 +42,7 @@ from g1_description.cli.motion_paths import (
 )
 from g1_description.cli.progress import Printer
 from g1_description.cli.start import INTERRUPTED
-from g1_description.command_line import MISUSE, refuse, say
+from g1_description.command_line import EXIT_ERROR, exit_with_error, say
 from g1_description.errors import ClusterError, G1DescriptionError
 from g1_description.motion import selection as selections
 from g1_description.motion.files.formats import ENDINGS
@@ -97,7 +97,7 @@ def check(args: CheckOptions, checker: FileChecker | None = None) -> int:
                 raise
             if isinstance(error, ClusterError):
                 notify(str(error))
-                code = MISUSE
+                code = EXIT_ERROR
             is_interrupted = isinstance(error, KeyboardInterrupt)
     robot = checker.checker.description
     n_missing = len(files.tasks) - len(outcomes)
@@ -112,7 +112,7 @@ def check(args: CheckOptions, checker: FileChecker | None = None) -> int:
     if n_missing:
         return code
     code = exit_code(done, files.named)
-    return code or (MISUSE if reports.problems else 0)
+    return code or (EXIT_ERROR if reports.problems else 0)
 
 
 INTERVAL = 0.3
@@ -140,7 +140,7 @@ def watch(args: CheckOptions) -> int:
                 code = check(args, checker)
             except (G1DescriptionError, OSError) as error:
                 notify(str(error))
-                code = MISUSE
+                code = EXIT_ERROR
     except KeyboardInterrupt:
         pass
     return code
@@ -174,7 +174,7 @@ def _compare(args: CheckOptions, files: MotionFiles, against: Path) -> int:
         check_place(Path(str(args.json)))
     found = [*comparisons(file_checker(args), files, against, args.shift)]
     write_comparisons(found, args.json)
-    return MISUSE if any(isinstance(result, str) for _, result in found) else 0
+    return EXIT_ERROR if any(isinstance(result, str) for _, result in found) else 0
 
 
 def file_checker(args: CheckOptions) -> FileChecker:
@@ -215,9 +215,9 @@ def exit_code(outcomes: Collection[FileResult], named: Collection[str]) -> int:
         return 1
     others = [outcome.file for outcome in outcomes if outcome.result == NO_MOTION]
     if len(others) == len(outcomes) or any(file in named for file in others):
-        return MISUSE
+        return EXIT_ERROR
     is_missing = any(o.result in (NOT_READ, NOT_CHECKED) for o in outcomes)
-    return MISUSE if is_missing else 0
+    return EXIT_ERROR if is_missing else 0
 
 
 def main(args: CheckOptions) -> None:
@@ -225,4 +225,4 @@ def main(args: CheckOptions) -> None:
     try:
         sys.exit(watch(args) if args.watch else check(args))
     except (G1DescriptionError, OSError) as error:
-        refuse("check", error)
+        exit_with_error("check", error)

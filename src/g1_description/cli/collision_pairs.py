@@ -21,7 +21,14 @@ from g1_description.collisions.allowed_pairs import (
     write_allowed_pairs,
 )
 from g1_description.collisions.find_pairs import NEAR, SAMPLES, find_allowed_pairs
-from g1_description.command_line import argument, option, parse, refuse, say, within
+from g1_description.command_line import (
+    argument,
+    exit_with_error,
+    option,
+    parse,
+    say,
+    within,
+)
 from g1_description.errors import G1DescriptionError
 from g1_description.robot.load import read_description
 
@@ -116,4 +123,4 @@ def main() -> None:
     try:
         run(args)
     except (G1DescriptionError, OSError) as error:
-        refuse("collision_pairs", error)
+        exit_with_error("collision_pairs", error)

@@ -5,30 +5,30 @@ from __future__ import annotations
 import sys
 
 from g1_description.cli.start import run
-from g1_description.command_line import OneSentenceParser, entered
+from g1_description.command_line import OneSentenceParser, program_name
 
-UNWRITTEN = "interrupted, nothing is written."
+NOTHING_WRITTEN = "interrupted, nothing is written."
 
 COMMANDS = {
     "check": ("Check motions in files.", "check"),
     "collision_pairs": (
         "Find pairs of links that need no check.",
         "collision_pairs",
-        UNWRITTEN,
+        NOTHING_WRITTEN,
     ),
     "import_model": (
         "Copy a robot and its meshes to a folder.",
         ".importer.import_model",
-        UNWRITTEN,
+        NOTHING_WRITTEN,
     ),
     "motion": ("Describe, convert and edit motions in files.", "motion"),
     "moveit_config": ("Write a MoveIt configuration of a robot.", "moveit_config"),
-    "snapshot": ("Draw a robot or a motion.", "snapshot", UNWRITTEN),
+    "snapshot": ("Draw a robot or a motion.", "snapshot", NOTHING_WRITTEN),
     "web": ("Show a robot and its motions in a browser.", "web"),
 }
 """Descriptions, and arguments of ``start.run``."""
 
-OF_ROS = ("doctor", "play", "pose", "record")
+ROS_COMMANDS = ("doctor", "play", "pose", "record")
 
 
 def main() -> None:
@@ -39,15 +39,15 @@ def main() -> None:
         run(*COMMANDS[name][1:])
         return
     top = OneSentenceParser(
-        prog=entered(),
-        usage=f"{entered()} [-h] COMMAND ...",
+        prog=program_name(),
+        usage=f"{program_name()} [-h] COMMAND ...",
         description="Check, convert, show and draw motions of robots, without ROS.",
-        epilog=f"{entered()} COMMAND -h lists the options of a command.",
+        epilog=f"{program_name()} COMMAND -h lists the options of a command.",
     )
     commands = top.add_subparsers(title="commands", metavar="COMMAND")
     for known, (about, *_) in COMMANDS.items():
         commands.add_parser(known, help=about)
-    if name in OF_ROS:
+    if name in ROS_COMMANDS:
         own = f"rosrun g1_description {name}"
         top.error(f"{name} needs ROS: source the workspace, and run {own}")
     top.parse_args(sys.argv[1:2])

@@ -38,12 +38,12 @@ from g1_description.cli.motion_paths import MotionFiles, motion_files, unmatched
 from g1_description.cli.progress import Printer
 from g1_description.cli.start import INTERRUPTED
 from g1_description.command_line import (
-    MISUSE,
+    EXIT_ERROR,
     OneSentenceParser,
-    entered,
+    exit_with_error,
     own_arguments,
     parse,
-    refuse,
+    program_name,
     say,
 )
 from g1_description.errors import (
@@ -261,7 +261,7 @@ def run(args: Reading) -> int:
     if is_interrupted:
         return INTERRUPTED
     if out.counts[FAILED] == len(tasks):
-        return MISUSE
+        return EXIT_ERROR
     return 1 if out.counts[FAILED] else 0
 
 
@@ -390,7 +390,7 @@ def join(args: Join, tasks: Sequence[Task], robot: Description) -> int:
     motion = args.joined([read(task.path, args, robot)[1] for task in tasks])
     done = written(f"{len(tasks)} motions", motion, robot, place, args.to)
     say(out.add(whole, done))
-    return MISUSE if out.counts[FAILED] else 0
+    return EXIT_ERROR if out.counts[FAILED] else 0
 
 
 PROGRAMS = ("check", "play", "record", "snapshot", "web", "pose")
@@ -401,7 +401,7 @@ def parsed(words: Sequence[str]) -> Reading:
     """Parse the command line; exit with a message if it is wrong."""
     if words and words[0] in COMMANDS:
         return parse(COMMANDS[words[0]], f"motion {words[0]}", words[1:])
-    program = entered("motion")
+    program = program_name("motion")
     top = OneSentenceParser(
         prog=program,
         description="Describe motions in files, and write them converted or edited.",
@@ -410,7 +410,7 @@ def parsed(words: Sequence[str]) -> Reading:
     )
     commands = top.add_subparsers(title="commands", metavar="COMMAND", dest="command")
     if words and words[0] in PROGRAMS:
-        own = entered(words[0])
+        own = program_name(words[0])
         own = own if " " in own else f"rosrun g1_description {own}"
         top.error(f"{words[0]} is a command of its own: {own}")
     for name, options in COMMANDS.items():
@@ -426,4 +426,4 @@ def main() -> None:
     try:
         sys.exit(run(args))
     except (G1DescriptionError, OSError) as error:
-        refuse("motion", error)
+        exit_with_error("motion", error)

@@ -18,7 +18,7 @@ from lxml import etree
 from g1_description.api import Robot
 from g1_description.cli import options
 from g1_description.collisions.allowed_pairs import ADJACENT
-from g1_description.command_line import argument, option, parse, refuse, say
+from g1_description.command_line import argument, exit_with_error, option, parse, say
 from g1_description.errors import G1DescriptionError, InvalidValueError
 from g1_description.files.atomic import write_whole
 from g1_description.robot.assembly import limbs_of
@@ -336,4 +336,4 @@ def main() -> None:
     try:
         run(parse(MoveItOptions, "moveit_config"))
     except (G1DescriptionError, OSError) as error:
-        refuse("moveit_config", error)
+        exit_with_error("moveit_config", error)

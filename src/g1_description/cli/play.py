@@ -15,7 +15,7 @@ import numpy as np
 import rospy
 
 from g1_description.cli.play_options import PlayOptions
-from g1_description.command_line import refuse, say
+from g1_description.command_line import exit_with_error, say
 from g1_description.errors import (
     G1DescriptionError,
     InvalidValueError,
@@ -323,6 +323,6 @@ def main(args: PlayOptions) -> None:
     except (NoAnswerError, RefusedError) as error:
         sys.exit(f"play: {error}")
     except G1DescriptionError as error:
-        refuse("play", error)
+        exit_with_error("play", error)
     except OSError as error:
         sys.exit(f"play: {error.strerror or error}")

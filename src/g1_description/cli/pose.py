@@ -14,7 +14,7 @@ from sensor_msgs.msg import JointState
 
 from g1_description.choices import DEFAULT
 from g1_description.cli.pose_options import PoseOptions
-from g1_description.command_line import refuse, say
+from g1_description.command_line import exit_with_error, say
 from g1_description.errors import G1DescriptionError, PoseFileError
 from g1_description.motion.edit import minimum_jerk_trajectory
 from g1_description.robot.load import read_description
@@ -278,4 +278,4 @@ def main(args: PoseOptions) -> None:
     except (NoAnswerError, RefusedError) as error:
         sys.exit(f"pose: {error}")
     except G1DescriptionError as error:
-        refuse("pose", error)
+        exit_with_error("pose", error)

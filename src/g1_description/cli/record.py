@@ -24,11 +24,11 @@ from g1_description.cli.start import time_entered
 from g1_description.command_line import (
     MAX_FPS,
     argument,
+    exit_with_error,
     option,
     own_arguments,
     parse,
     positive,
-    refuse,
     say,
     within,
 )
@@ -265,6 +265,6 @@ def main() -> None:
     except (NoAnswerError, RefusedError) as error:
         sys.exit(f"record: {error}")
     except G1DescriptionError as error:
-        refuse("record", error)
+        exit_with_error("record", error)
     except (OSError, rosgraph.MasterException) as error:
         sys.exit(f"record: Lost the connection to the master: {error}.")

@@ -33,11 +33,11 @@ from g1_description.cli.options import MODEL
 from g1_description.cli.start import is_shut_down
 from g1_description.command_line import (
     argument,
+    exit_with_error,
     number,
     option,
     own_arguments,
     parse,
-    refuse,
 )
 from g1_description.errors import (
     G1DescriptionError,
@@ -429,4 +429,4 @@ def main() -> None:
         else:
             draw_all(*watch_now(args), args)
     except (G1DescriptionError, OSError) as error:
-        refuse("snapshot", error)
+        exit_with_error("snapshot", error)

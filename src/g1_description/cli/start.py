@@ -16,7 +16,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, NoReturn
 
-from g1_description.command_line import refuse
+from g1_description.command_line import exit_with_error
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C, as in shells."""
@@ -50,7 +50,7 @@ def run(module: str, farewell: str = "interrupted.") -> None:
     try:
         _run(module, f"{name}: {farewell}")
     except ModuleNotFoundError as error:
-        refuse(name, error)
+        exit_with_error(name, error)
 
 
 def _run(module: str, farewell: str) -> None:

@@ -20,10 +20,10 @@ from g1_description.cli.motion_paths import motion_files
 from g1_description.collisions.find_pairs import collisions_of
 from g1_description.command_line import (
     argument,
+    exit_with_error,
     option,
     own_arguments,
     parse,
-    refuse,
     say,
     within,
 )
@@ -219,4 +219,4 @@ def main() -> None:
     try:
         web(args)
     except (G1DescriptionError, OSError) as error:
-        refuse("web", error)
+        exit_with_error("web", error)

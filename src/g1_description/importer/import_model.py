@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from g1_description.command_line import argument, option, parse, refuse, within
+from g1_description.command_line import argument, exit_with_error, option, parse, within
 from g1_description.errors import DescriptionError, G1DescriptionError
 from g1_description.files.find import named_path, with_robots
 from g1_description.importer.importing import Import, mesh_prefix
@@ -342,4 +342,4 @@ def main() -> None:
     try:
         print(run(sys.argv[1:]))
     except (G1DescriptionError, OSError) as error:
-        refuse("import_model", error)
+        exit_with_error("import_model", error)
