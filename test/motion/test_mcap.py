@@ -83,8 +83,8 @@ def test_other_libraries_read_what_is_written_and_so_do_we(tmp_path, base, begin
         "/tf": "tf2_msgs/msg/TFMessage",
     }
     assert witness.encodings == {"cdr", "ros2msg"}
-    latched = {topic for topic, qos in witness.qos.items() if b"durability: 1" in qos}
-    assert latched == {"/robot_description", "/tf_static"}
+    kept = {topic for topic, qos in witness.qos.items() if b"durability: 1" in qos}
+    assert kept == {"/robot_description", "/tf_static"}
     ((_, text),) = witness.messages["/robot_description"]
     assert text.data == G1.urdf
     states = witness.messages["/joint_states"]
@@ -107,11 +107,11 @@ def test_transforms_place_all_links(tmp_path):
     motion = trajectory(5, 3, 29)
     write_motion(path, motion, G1)
     witness = Witness(path)
-    ((_, still),) = witness.messages["/tf_static"]
+    ((_, static),) = witness.messages["/tf_static"]
     positions = motion.arranged([joint.name for joint in G1.movable_joints]).positions
     links = Kinematics(G1).link_poses(motion.base_poses, positions)
     for (_, message), poses in zip(witness.messages["/tf"], links):
-        edges = {**poses_of(still), **poses_of(message)}
+        edges = {**poses_of(static), **poses_of(message)}
         above = {child: (parent, pose) for (parent, child), pose in edges.items()}
         for link, wanted in zip(G1.link_names, poses):
             frame, found = link, None

@@ -28,7 +28,7 @@ MAX_STAMP = (1 << 31) * 1_000_000_000 - 1
 
 _ENDLESS = "{sec: 9223372036, nsec: 854775807}"
 
-LATCHED = f"""\
+TRANSIENT_LOCAL = f"""\
 - history: 1
   depth: 1
   reliability: 1
@@ -128,26 +128,28 @@ def write_mcap(
     writer.start("ros2")
     if robot.urdf:
         text = _text(store, robot.urdf)
-        _Topic(writer, store, "/robot_description", text, LATCHED).write(begin)
-    still = _still(robot)
-    if still:
-        tf = _Topic(writer, store, "/tf_static", _tf(store, [*still]), LATCHED)
-        rest = np.array([[*still.values()]])
-        tf.write(begin, *tf.encoded(np.array([begin]), rest))
+        _Topic(writer, store, "/robot_description", text, TRANSIENT_LOCAL).write(begin)
+    static = _static_transforms(robot)
+    if static:
+        tf = _Topic(writer, store, "/tf_static", _tf(store, [*static]), TRANSIENT_LOCAL)
+        data = tf.encoded(np.array([begin]), np.array([[*static.values()]]))
+        tf.write(begin, *data)
     column = {name: column for column, name in enumerate(motion.joint_names)}
     joints = [joint for joint in robot.movable_joints if joint.name in column]
     base = base_frame(robot)
     bases = None if base is None else motion.base_poses
-    edges = [(joint.parent, joint.child) for joint in joints]
-    edges += [] if bases is None else [(MAP, str(base))]
+    transforms = [(joint.parent, joint.child) for joint in joints]
+    transforms += [] if bases is None else [(MAP, str(base))]
     states = _Topic(writer, store, "/joint_states", _joint_state(store, motion))
-    moving = _Topic(writer, store, "/tf", _tf(store, edges)) if edges else None
+    moving = (
+        _Topic(writer, store, "/tf", _tf(store, transforms)) if transforms else None
+    )
     for first in range(0, len(stamps), BATCH):
         part = slice(first, first + BATCH)
         times = np.array(stamps[part])
         positions = motion.positions[part]
-        rates = [] if motion.velocities is None else [motion.velocities[part]]
-        numbers = np.concatenate([positions, *rates], axis=1)[:, None]
+        velocities = [] if motion.velocities is None else [motion.velocities[part]]
+        numbers = np.concatenate([positions, *velocities], axis=1)[:, None]
         poses = [_pose(joint, positions[:, column[joint.name]]) for joint in joints]
         poses += [] if bases is None else [bases[part]]
         topics = [(states, states.encoded(times, numbers))]
@@ -159,7 +161,7 @@ def write_mcap(
     writer.finish()
 
 
-def _still(robot: Description) -> dict[tuple[str, str], np.ndarray]:
+def _static_transforms(robot: Description) -> dict[tuple[str, str], np.ndarray]:
     """Return the poses of fixed joints, and of the root in the base's frame."""
     found = {(j.parent, j.child): j.pose for j in robot.joints if j.kind == "fixed"}
     base, (root, _) = base_frame(robot), base_of(robot)
@@ -197,21 +199,21 @@ def _header(store: Typestore, frame: str, stamp: int) -> Any:
 def _joint_state(store: Typestore, motion: Motion) -> tuple[str, Make]:
     """Return how a JointState is made."""
     kind, count = "sensor_msgs/msg/JointState", len(motion.joint_names)
-    n_rates = 0 if motion.velocities is None else count
+    n_velocities = 0 if motion.velocities is None else count
 
     def make(stamp: int, number: float) -> Any:
         return store.types[kind](
             header=_header(store, "", stamp),
             name=[*motion.joint_names],
             position=np.full(count, number),
-            velocity=np.full(n_rates, number),
+            velocity=np.full(n_velocities, number),
             effort=np.empty(0),
         )
 
     return kind, make
 
 
-def _tf(store: Typestore, edges: Sequence[tuple[str, str]]) -> tuple[str, Make]:
+def _tf(store: Typestore, transforms: Sequence[tuple[str, str]]) -> tuple[str, Make]:
     """Return how a TFMessage is made."""
     kind, types = "tf2_msgs/msg/TFMessage", store.types
 
@@ -224,7 +226,7 @@ def _tf(store: Typestore, edges: Sequence[tuple[str, str]]) -> tuple[str, Make]:
         return types[kind](
             transforms=[
                 edge(_header(store, parent, stamp), child, pose)
-                for parent, child in edges
+                for parent, child in transforms
             ]
         )
 
