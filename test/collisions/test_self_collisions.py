@@ -307,7 +307,7 @@ def test_gaps_and_overlaps_are_exact_without_pybullet():
     """Against the hull of the differences of all points, degenerate shapes too."""
     shapes = convex_shapes()
     placed = every_pair(shapes)
-    found = ClosestPoints(shapes, Separation(shapes)).find(placed)
+    found = ClosestPoints(shapes, Separation(shapes)).distances(placed)
     for a, b, axes, origin, width, normal, point in zip(
         placed.a, placed.b, placed.axes, placed.origin, *found
     ):
@@ -327,10 +327,10 @@ def test_gaps_and_overlaps_are_exact_without_pybullet():
 def test_a_gap_without_pybullet_does_not_depend_on_others():
     shapes = convex_shapes()
     placed, points = every_pair(shapes), ClosestPoints(shapes, Separation(shapes))
-    together = points.find(placed)
+    together = points.distances(placed)
     order = np.random.RandomState(0).permutation(len(placed.a))
     for rows in (order, order[:40], order[40:41], order[41:42]):
-        for all_values, values in zip(together, points.find(placed[rows])):
+        for all_values, values in zip(together, points.distances(placed[rows])):
             assert np.array_equal(all_values[rows], values)
 
 

@@ -13,7 +13,11 @@ from operator import itemgetter
 
 import numpy as np
 
-from g1_description.collisions.closest_points import ClosestPoints, Gaps, measured
+from g1_description.collisions.closest_points import (
+    ClosestPoints,
+    SignedDistances,
+    measured,
+)
 from g1_description.collisions.convex_shapes import (
     ConvexShape,
     Separation,
@@ -66,7 +70,7 @@ class BulletPoints:
         vertices = shape.points.tolist()
         return int(client.createCollisionShape(pybullet.GEOM_MESH, vertices=vertices))
 
-    def find(self, placed: ShapePairs, reach: float) -> Gaps:
+    def distances(self, placed: ShapePairs, reach: float) -> SignedDistances:
         """Measure the widest gaps, or the least overlaps.
 
         Args:
@@ -83,7 +87,8 @@ class BulletPoints:
         doubtful = np.flatnonzero(np.abs(gaps[0] - distance) > DOUBT)
         doubtful = doubtful[~is_far[doubtful]]
         if len(doubtful):
-            for values, better in zip(gaps, self._exact.find(placed[doubtful], reach)):
+            exact = self._exact.distances(placed[doubtful], reach)
+            for values, better in zip(gaps, exact):
                 values[doubtful] = better
         gaps[0][is_far] = np.inf
         return gaps

@@ -44,11 +44,11 @@ TINY = 1e-12
 CHUNK = 256
 """Overlapping pairs per chunk; limits memory, and does not affect results."""
 
-_WAYS = np.array([way for way in product((-1.0, 0.0, 1.0), repeat=3) if any(way)])
-WAYS = _WAYS / np.linalg.norm(_WAYS, axis=1, keepdims=True)
+_SIDES = np.array([side for side in product((-1.0, 0.0, 1.0), repeat=3) if any(side)])
+DIRECTIONS = _SIDES / np.linalg.norm(_SIDES, axis=1, keepdims=True)
 """Directions to all sides, shape (26, 3)."""
 
-Gaps = Tuple[np.ndarray, np.ndarray, np.ndarray]
+SignedDistances = Tuple[np.ndarray, np.ndarray, np.ndarray]
 """Widths of gaps in [m], negative for overlaps, infinite for shapes far apart, shape
 (n,); directions from a to b, and points of a in [m], in the frames of a's links, shapes
 (n, 3)."""
@@ -58,14 +58,15 @@ class ClosestPoints:
     """The shapes of a robot, exactly measured."""
 
     def __init__(self, shapes: Sequence[ConvexShape], separation: Separation) -> None:
-        self._separation, self._overlaps = separation, LeastOverlap(shapes, separation)
+        self._separation = separation
+        self._overlaps = PenetrationDirections(shapes, separation)
         self._begin = np.array([shape.points[0] for shape in shapes]).reshape(-1, 3)
         # Rows of the program: those of a are about its first point, which makes the
         # offset of the planes small.
         self._own = [_with_ones(shape.points - shape.points[0]) for shape in shapes]
         self._other = [_with_ones(shape.points) for shape in shapes]
 
-    def find(self, placed: ShapePairs, reach: float = np.inf) -> Gaps:
+    def distances(self, placed: ShapePairs, reach: float = np.inf) -> SignedDistances:
         """Measure the widest gaps, or the least overlaps.
 
         Args:
@@ -84,19 +85,19 @@ class ClosestPoints:
         direction = planes[:, :3] / np.maximum(length, TINY)[:, np.newaxis]
         unsure = (length == 0.0) | (length * TOUCHING > 2.0)
         rest = np.flatnonzero(unsure)
-        for row, way in zip(rest.tolist(), self._overlaps.directions(placed[rest])):
+        for row, axis in zip(rest.tolist(), self._overlaps.directions(placed[rest])):
             a, b, rows = pairs[row]
-            own, end_a = _outermost(self._own[a], way)
-            other, end_b = _outermost(self._other[b].dot(rows), way)
-            other[:, :3] -= (MOVED + end_a + end_b) * way
-            direction[row], point[row] = way, _gap(own, other)[1]
+            own, end_a = _outermost(self._own[a], axis)
+            other, end_b = _outermost(self._other[b].dot(rows), axis)
+            other[:, :3] -= (MOVED + end_a + end_b) * axis
+            direction[row], point[row] = axis, _gap(own, other)[1]
         place = point[:, :3] / np.maximum(point[:, 3:], TINY) + self._begin[placed.a]
         return measured(self._separation, placed, direction, place)
 
 
 def measured(
     separation: Separation, placed: ShapePairs, direction: np.ndarray, near: np.ndarray
-) -> Gaps:
+) -> SignedDistances:
     """Measure gaps along directions.
 
     Args:
@@ -105,7 +106,7 @@ def measured(
         direction: Unit vectors from a to b, in the frames of a's links, shape (n, 3).
         near: Points in the gaps, in the same frames, in [m], shape (n, 3).
     """
-    end_a, end_b = separation.faces(placed, direction)
+    end_a, end_b = separation.extents(placed, direction)
     point_a = near + (end_a - dot(near, direction))[:, np.newaxis] * direction
     return end_b - end_a, direction, point_a
 
@@ -140,18 +141,18 @@ def _with_ones(points: np.ndarray) -> np.ndarray:
     return np.concatenate([points, np.ones((len(points), 1))], axis=1)
 
 
-def _outermost(rows: np.ndarray, way: np.ndarray) -> tuple[np.ndarray, float]:
+def _outermost(rows: np.ndarray, axis: np.ndarray) -> tuple[np.ndarray, float]:
     """Select the farthest points along a direction; return these and how far."""
-    heights = rows[:, :3].dot(way)
+    heights = rows[:, :3].dot(axis)
     end = float(heights.max())
     return rows[heights >= end - TOUCHING], end
 
 
-class LeastOverlap:
+class PenetrationDirections:
     """Directions in which overlapping shapes come apart soonest."""
 
     def __init__(self, shapes: Sequence[ConvexShape], separation: Separation) -> None:
-        """Prepare the normals of faces, and the edges, sorted by shape and way."""
+        """Prepare the normals of faces, and the edges, sorted by shape and side."""
         self._separation = separation
         normals, edges = zip(*[hull_normals(shape.points) for shape in shapes])
         self._normals = np.concatenate(normals)
@@ -159,19 +160,19 @@ class LeastOverlap:
         faces = np.concatenate([e + k for e, k in zip(edges, skipped)])
         shape = np.repeat(np.arange(len(shapes)), [len(e) for e in edges])
         first, second = self._normals[faces[:, 0]], self._normals[faces[:, 1]]
-        way = ((first + second) @ WAYS.T).argmax(axis=1)
-        group = shape * len(WAYS) + way
+        side = ((first + second) @ DIRECTIONS.T).argmax(axis=1)
+        group = shape * len(DIRECTIONS) + side
         order = np.argsort(group, kind="stable")
-        self._edges, n_groups = faces[order], len(shapes) * len(WAYS)
+        self._edges, n_groups = faces[order], len(shapes) * len(DIRECTIONS)
         self._count = np.bincount(group, minlength=n_groups)
         self._start = np.cumsum(self._count) - self._count
-        angle = np.minimum(dot(first, WAYS[way]), dot(second, WAYS[way]))
+        angle = np.minimum(dot(first, DIRECTIONS[side]), dot(second, DIRECTIONS[side]))
         cosine = np.ones(n_groups)
         np.minimum.at(cosine, group, angle - ROUNDING)
-        cosine = np.maximum(cosine, 0.0).reshape(-1, len(WAYS))
+        cosine = np.maximum(cosine, 0.0).reshape(-1, len(DIRECTIONS))
         self._cosine, self._sine = cosine, np.sqrt(1.0 - cosine**2)
-        ways = np.tile(WAYS, (len(shapes), 1, 1))
-        self._ends = separation.ends(np.arange(len(shapes)), ways)
+        directions = np.tile(DIRECTIONS, (len(shapes), 1, 1))
+        self._support = separation.support_points(np.arange(len(shapes)), directions)
 
     def directions(self, placed: ShapePairs) -> np.ndarray:
         """Find the directions of the least overlaps.
@@ -204,12 +205,13 @@ class LeastOverlap:
         second = self._turned(placed, row, faces[:, 1])
         more, across = _across(row, first, second, n)
         width = np.concatenate([width, self._widths(placed, more, across)])
-        pair, ways = np.concatenate([pair, more]), np.concatenate([normals, across])
+        pair = np.concatenate([pair, more])
+        directions = np.concatenate([normals, across])
         widest = np.full(n, -np.inf)
         np.maximum.at(widest, pair, width)
         # The first of equal ones, however they were rounded.
         found = np.flatnonzero(width >= widest[pair] - ROUNDING)
-        return ways[found[np.unique(pair[found], return_index=True)[1]]]
+        return directions[found[np.unique(pair[found], return_index=True)[1]]]
 
     def _bounds(
         self, placed: ShapePairs
@@ -229,19 +231,20 @@ class LeastOverlap:
         other = np.concatenate([placed.b, placed.a])
         axes = np.concatenate([placed.axes, swapped.axes])
         origin = np.concatenate([placed.origin, swapped.origin])
-        far = self._separation.ends(other, -(WAYS @ axes))
-        inside = self._ends[own] - far @ np.swapaxes(axes, 1, 2) - origin[:, np.newaxis]
-        along = (inside * WAYS).sum(axis=2)
+        far = self._separation.support_points(other, -(DIRECTIONS @ axes))
+        far = far @ np.swapaxes(axes, 1, 2) + origin[:, np.newaxis]
+        inside = self._support[own] - far
+        along = (inside * DIRECTIONS).sum(axis=2)
         least = along.min(axis=1)
         least = np.maximum(np.minimum(least[:n], least[n:]), 0.0) + ROUNDING
         across = np.sqrt(np.maximum((inside**2).sum(axis=2) - along**2, 0.0))
         low = self._cosine[own] * along - self._sine[own] * across
-        row, way = np.nonzero(low <= least[np.arange(2 * n) % n, np.newaxis])
-        group = own[row] * len(WAYS) + way
+        row, side = np.nonzero(low <= least[np.arange(2 * n) % n, np.newaxis])
+        group = own[row] * len(DIRECTIONS) + side
         count = self._count[group]
         begin = np.cumsum(count) - count
         edge = np.arange(count.sum()) - np.repeat(begin - self._start[group], count)
-        seen = np.repeat(inside[row, way], count, axis=0)
+        seen = np.repeat(inside[row, side], count, axis=0)
         row = np.repeat(row, count)
         faces = self._edges[edge]
         low = np.stack([dot(self._normals[f], seen) for f in faces.T], axis=1)
@@ -298,11 +301,11 @@ def _across(
     begin, end = dot(edge, first[two]), dot(edge, second[two])
     crossed = (begin * end <= 0.0) & ((end >= begin) == sign)
     one, two, sign = one[crossed], two[crossed], sign[crossed]
-    way = np.cross(along[one], along[two])
-    length = np.sqrt(dot(way, way))
+    direction = np.cross(along[one], along[two])
+    length = np.sqrt(dot(direction, direction))
     is_long = length > TINY
-    way = way[is_long] / np.where(sign, length, -length)[is_long, np.newaxis]
-    return pair[one[is_long]], way
+    signed = np.where(sign, length, -length)[is_long, np.newaxis]
+    return pair[one[is_long]], direction[is_long] / signed
 
 
 def dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -327,8 +327,8 @@ class Separation:
             In the frames of a, in [m], shape (n, 3).
         """
         backwards = -(direction[:, np.newaxis] @ placed.axes)[:, 0]
-        end_a = self._per_shape(placed.a, direction, _farthest)
-        end_b = self._per_shape(placed.b, backwards, _farthest)
+        end_a = self._per_shape(placed.a, direction, _support_points)
+        end_b = self._per_shape(placed.b, backwards, _support_points)
         return (placed.axes @ end_b[:, :, np.newaxis])[..., 0] + placed.origin - end_a
 
     def between_middles(self, placed: ShapePairs) -> np.ndarray:
@@ -340,7 +340,7 @@ class Separation:
         middle_b = turn(placed.axes, self._middle[placed.b]) + placed.origin
         return _unit(middle_b - self._middle[placed.a])
 
-    def ends(self, which: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    def support_points(self, which: np.ndarray, directions: np.ndarray) -> np.ndarray:
         """Find the farthest points of shapes along directions.
 
         Args:
@@ -353,7 +353,8 @@ class Separation:
         result = np.zeros(directions.shape)
         for shape, rows in self._grouped(which):
             some = directions[rows]
-            result[rows] = _farthest(shape, some.reshape(-1, 3)).reshape(some.shape)
+            points = _support_points(shape, some.reshape(-1, 3))
+            result[rows] = points.reshape(some.shape)
         return result
 
     def _grouped(self, which: np.ndarray) -> Iterator[tuple[ConvexShape, np.ndarray]]:
@@ -363,7 +364,7 @@ class Separation:
         for shape, rows in zip(shapes.tolist(), np.split(order, first[1:])):
             yield self._shapes[shape], rows
 
-    def faces(
+    def extents(
         self, placed: ShapePairs, direction: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Find the extents of shapes along directions.
@@ -378,8 +379,8 @@ class Separation:
             distance; negative if they overlap.
         """
         backwards = -turn(np.swapaxes(placed.axes, 1, 2), direction)
-        end_a = self._per_shape(placed.a, direction, _reach)[:, 0]
-        end_b = self._per_shape(placed.b, backwards, _reach)[:, 0]
+        end_a = self._per_shape(placed.a, direction, _extents)[:, 0]
+        end_b = self._per_shape(placed.b, backwards, _extents)[:, 0]
         x, y, z = (placed.origin * direction).T
         return (
             end_a + self._radius[placed.a],
@@ -394,8 +395,8 @@ class Separation:
     ) -> np.ndarray:
         """Evaluate a function per shape, for all its directions at once."""
         if len(which) <= FEW:
-            return self._per_row(which, directions, function is _farthest)
-        result = np.zeros((len(which), 3 if function is _farthest else 1))
+            return self._per_row(which, directions, function is _support_points)
+        result = np.zeros((len(which), 3 if function is _support_points else 1))
         for shape, rows in self._grouped(which):
             result[rows] = function(shape, directions[rows])
         return result
@@ -412,7 +413,7 @@ class Separation:
         return np.asarray(along.max(axis=1, keepdims=True))
 
 
-def _farthest(shape: ConvexShape, directions: np.ndarray) -> np.ndarray:
+def _support_points(shape: ConvexShape, directions: np.ndarray) -> np.ndarray:
     """Find the farthest of the points of a shape, shape (n, 3)."""
     return shape.points[(directions @ shape.points.T).argmax(axis=1)]
 
@@ -424,7 +425,7 @@ def _padded(points: Sequence[np.ndarray]) -> np.ndarray:
     return np.array(parts).reshape(len(points), most, 3)
 
 
-def _reach(shape: ConvexShape, directions: np.ndarray) -> np.ndarray:
+def _extents(shape: ConvexShape, directions: np.ndarray) -> np.ndarray:
     """Find how far the points of a shape reach along directions, shape (n, 1)."""
     x, y, z = directions.T[:, :, np.newaxis]
     along = x * shape.points[:, 0] + y * shape.points[:, 1] + z * shape.points[:, 2]

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from g1_description.collisions.allowed_pairs import AllowedPair, AllowedPairs
-from g1_description.collisions.closest_points import ClosestPoints, Gaps
+from g1_description.collisions.closest_points import ClosestPoints, SignedDistances
 from g1_description.collisions.convex_shapes import (
     Bounds,
     Separation,
@@ -35,7 +35,7 @@ from g1_description.robot.description import Description
 CHUNK = 256
 """Configurations per chunk; limits memory, and does not affect results."""
 
-NO_GAPS: Gaps = (np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
+NO_PAIRS: SignedDistances = (np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
 
 SLACK = 5e-4
 """Additional gap of pairs that are excluded early, in [m]: more than PyBullet's error,
@@ -136,7 +136,7 @@ class SelfCollisions:
 
     def __getstate__(self) -> dict[str, Any]:
         """Pickle without PyBullet."""
-        own = ("_bounds", "_separation", "_find_gaps", "_all")
+        own = ("_bounds", "_separation", "_distances", "_all")
         return {name: v for name, v in self.__dict__.items() if name not in own}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -207,7 +207,7 @@ class SelfCollisions:
             first: Index of the first configuration.
         """
         sample, pair, placed = self._candidates(link_poses, rows, margin + SLACK)
-        gaps = self._find_gaps(placed, margin + SLACK) if len(placed.a) else NO_GAPS
+        gaps = self._distances(placed, margin + SLACK) if len(placed.a) else NO_PAIRS
         width, direction, point_a = gaps
         near = np.flatnonzero(width < margin)
         sample, pair, distance = sample[near], pair[near], width[near]
@@ -245,13 +245,13 @@ class SelfCollisions:
         return sample[kept], pair[kept], placed[kept]
 
     @cached_property
-    def _find_gaps(self) -> Callable[[ShapePairs, float], Gaps]:
+    def _distances(self) -> Callable[[ShapePairs, float], SignedDistances]:
         """Use PyBullet where it is: ours is slower for shapes that overlap."""
         try:
             from g1_description.collisions.bullet_points import BulletPoints
         except ImportError:
-            return ClosestPoints(self.shapes, self._separation).find
-        return BulletPoints(self.shapes, self._separation).find
+            return ClosestPoints(self.shapes, self._separation).distances
+        return BulletPoints(self.shapes, self._separation).distances
 
 
 def _deepest(found: Contacts) -> np.ndarray:
