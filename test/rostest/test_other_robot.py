@@ -76,7 +76,7 @@ class TestRobotWithAProfile(unittest.TestCase):
         names = tuple(line.split()[0] for line in output.splitlines())
         self.assertEqual(names, self.poses)
         code, _, errors = run("t_pose")
-        self.assertEqual(code, 1)
+        self.assertEqual(code, 2)
         self.assertIn("Unknown pose 't_pose'. Known poses: ", errors)
 
     def test_its_frames_alone_are_in_tf(self):

@@ -176,7 +176,7 @@ class TestPoses(unittest.TestCase):
         file.write_text("mine: {}  # kept\n")
         before = own.read_text()
         code, _, errors = run("--save", "mine", "--file", file)
-        self.assertEqual(code, 1)
+        self.assertEqual(code, 2)
         self.assertIn("The pose 'mine' already exists in ", errors)
         self.assertEqual(len(errors.splitlines()), 1)
         self.assertIn("belongs to the package", run("--save", "new", "--file", own)[2])
@@ -195,7 +195,7 @@ class TestPoses(unittest.TestCase):
             (["squat", "--file", "/no/file"], "/no/file cannot be read: No such file"),
         ):
             code, output, errors = run(*words)
-            self.assertEqual((code, output), (1, ""), words)
+            self.assertEqual((code, output), (2, ""), words)
             self.assertIn(told, errors)
             self.assertEqual(len(errors.splitlines()), 1, errors)
         self.assert_shown("zero")
@@ -206,7 +206,7 @@ class TestPoses(unittest.TestCase):
             file.write("odd: {left_kne_joint: 0.1}\n")
             file.flush()
             code, _, errors = run("odd", "--file", file.name)
-        self.assertEqual(code, 1)
+        self.assertEqual(code, 2)
         told = "no movable joint 'left_kne_joint'. Its joints: left_knee_joint"
         self.assertIn(told, errors)
         self.assert_shown("zero")
