@@ -899,7 +899,7 @@ class Robot:
         fixed_base: bool = False,
         physics: bool = False,
         visual_hulls: bool = True,
-        engine: str = "bullet",
+        engine: str = "",
     ) -> Checker:
         """Create a checker for many motions.
 
@@ -909,7 +909,8 @@ class Robot:
             physics: Whether motions are also simulated, with the robot's motors.
             visual_hulls: Whether links without collision shapes use the convex hulls of
                 their visuals.
-            engine: Physics engine of simulations, ``bullet`` or ``mujoco``.
+            engine: Physics engine of simulations, ``bullet`` or ``mujoco``; empty:
+                MuJoCo, if it is installed.
 
         Returns:
             The checker, whose ``check`` takes a motion with joints of this robot.
@@ -921,12 +922,15 @@ class Robot:
         if thresholds is None and visual_hulls and not (fixed_base or physics):
             return self._usual_checker
         from g1_description.checks.checker import Checker
+        from g1_description.sim.engine import fastest_engine
         from g1_description.sim.rollout import Conditions
 
         conditions = None
         if physics:
             motors_of(self.description)  # a wrong file is refused at once
-            conditions = Conditions(engine=engine, fixed_base=fixed_base)
+            conditions = Conditions(
+                engine=engine or fastest_engine(), fixed_base=fixed_base
+            )
         usual = self._usual_checker if visual_hulls else None
         shapes = usual.collisions if usual else self._shapes(visual_hulls=False)
         limits = _thresholds(thresholds)

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 PHYSICS = ("kinematic", "hold", "limp")
 
-ENGINES = ("bullet", "mujoco")
-"""The physics engines; the first one is the default."""
+ENGINE_LIBRARIES = {"bullet": "PyBullet", "mujoco": "MuJoCo"}
+"""The libraries of the physics engines."""
+
+ENGINES = tuple(ENGINE_LIBRARIES)
+"""The physics engines; the first one is the simulator's default."""
 
 DEFAULT = "g1_29dof"
 """The profile of the robot that is used if no other is given."""

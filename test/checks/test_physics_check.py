@@ -66,7 +66,7 @@ def test_a_verdict_without_findings_says_what_physics_found():
     assert verdict.checked == ("tracking", "saturation", "fall")
     rms, largest = report.rms_errors[0], report.largest_errors[0]
     errors = f"tracking error of 1 joint: rms {rms:.4f} rad, largest {largest:.4f} rad"
-    note = f"In simulation the robot does not fall; {errors} ({ARM})."
+    note = f"In simulation with PyBullet the robot does not fall; {errors} ({ARM})."
     assert verdict.notes[-1] == note
     assert verdict.figures["rms_tracking_error"] == pytest.approx(rms)
     assert verdict.figures["largest_tracking_error"] == largest
@@ -79,10 +79,8 @@ def test_a_fall_is_told_and_ends_the_figures():
     assert fall.first_time == verdict.figures["fall_time"]
     assert 0.5 < fall.first_time < 1.0  # it leans by 45 degrees after 0.65 s
     note = verdict.notes[-1]
-    begin = (
-        f"In simulation the robot falls at {fall.first_time:.3f} s of 1.000 s, where"
-    )
-    assert note.startswith(f"{begin} the simulation ends; tracking error")
+    begin = f"In simulation with PyBullet the robot falls at {fall.first_time:.3f} s"
+    assert note.startswith(f"{begin} of 1.000 s, where the simulation ends; tracking")
     assert verdict.measured.played.times[-1] == fall.first_time
     assert fall.severity == "warning"
 
@@ -107,7 +105,8 @@ def test_a_fall_is_a_failure_with_its_side_and_beginning(axis, reach, side, engi
     )
     assert found[2] == side
     assert 0.0 < float(found[1]) - float(found[3]) < 1.0
-    assert verdict.measured.played.times[-1] == fall.first_time < 3.0
+    late = verdict.measured.played.times[-1] - fall.first_time
+    assert fall.first_time < 3.0 and 0.0 <= late < 0.005, "a row per 5 steps"
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -147,5 +146,5 @@ def test_what_cannot_be_judged_is_skipped():
         "saturation": "disabled: no threshold is set",
         "fall": "the base is fixed",
     }
-    begin = "In simulation the base is fixed; tracking error"
+    begin = "In simulation with PyBullet the base is fixed; tracking error"
     assert verdict.notes[-1].startswith(begin)

@@ -15,21 +15,22 @@ MAX_LEAN, MAX_DROP = FallLimits().lean, FallLimits().drop
 NAMES = ("hip", "knee", "elbow")
 
 
-def recorded(errors, at_limit, time_step=0.01):
+def recorded(errors, at_limit, time_step=0.01, group=7):
     recorder = TrackingRecorder(NAMES)
-    every = np.arange(len(NAMES))
-    for step, (error, limited) in enumerate(zip(errors, np.array(at_limit))):
-        recorder.add(step * time_step, every, error, limited)
+    every, times = np.arange(len(NAMES)), time_step * np.arange(len(errors))
+    for begin in range(0, len(errors), group):
+        part = slice(begin, begin + group)
+        recorder.add(times[part], every, errors[part], np.array(at_limit[part]))
     return recorder
 
 
-@given(st.integers(0, 1000), st.integers(1, 50))
-def test_errors_are_those_of_all_steps_together(seed, steps):
+@given(st.integers(0, 1000), st.integers(1, 50), st.integers(1, 20))
+def test_errors_are_those_of_all_steps_together(seed, steps, group):
     random = np.random.default_rng(seed)
     errors = random.normal(size=(steps, len(NAMES)))
     errors[0] = 0.0  # else what is before the motion is reached does not count
     at_limit = random.uniform(size=errors.shape) < 0.3
-    report = recorded(errors, at_limit).report(None)
+    report = recorded(errors, at_limit, group=group).report(None)
     np.testing.assert_allclose(report.rms_errors, np.sqrt((errors**2).mean(axis=0)))
     np.testing.assert_array_equal(report.largest_errors, np.abs(errors).max(axis=0))
     np.testing.assert_allclose(report.limit_shares, at_limit.mean(axis=0))
@@ -42,7 +43,8 @@ def test_errors_are_those_of_all_steps_together(seed, steps):
 
 def test_a_joint_counts_for_as_long_as_the_motion_moves_it():
     recorder = recorded(np.array([[0.1, -0.3, 0.2]]), [[False, True, False]])
-    recorder.add(0.01, np.array([0, 2]), np.array([0.3, -0.2]), np.array([True, False]))
+    last = np.array([[0.3, -0.2]]), np.array([[True, False]])
+    recorder.add(np.array([0.01]), np.array([0, 2]), *last)
     report = recorder.report(None)
     rms = [math.sqrt((0.01 + 0.09) / 2.0), 0.3, 0.2]
     np.testing.assert_allclose(report.rms_errors, rms)

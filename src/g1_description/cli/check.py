@@ -26,7 +26,6 @@ from g1_description.checks.report import (
     summary_text,
 )
 from g1_description.checks.verdict import FAILED
-from g1_description.choices import ENGINES
 from g1_description.cli.check_options import STDOUT, CheckOptions
 from g1_description.cli.check_reports import (
     ReportPlaces,
@@ -193,7 +192,7 @@ def file_checker(args: CheckOptions) -> FileChecker:
             args.fixed_base,
             args.physics,
             not args.no_visual_hulls,
-            args.engine or ENGINES[0],
+            args.engine or "",
         ),
         args.only,
         bool(args.plot),

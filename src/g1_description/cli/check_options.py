@@ -95,7 +95,7 @@ class CheckOptions:
         see="[selections](many_motions.md#a-selection)",
     )
     physics: bool = option(
-        "also simulate the motions with motors, about as fast as real time",
+        "also simulate the motions with motors, several times as fast as real time",
         False,
         see="[physics](physics_check.md)",
     )
@@ -104,7 +104,7 @@ class CheckOptions:
         None,
         str,
         choices=ENGINES,
-        shown="bullet",
+        shown="mujoco, if it is installed",
         see="[engines](launch.md#engines)",
     )
     json: str | None = option(

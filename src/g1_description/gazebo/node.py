@@ -28,6 +28,7 @@ from pathlib import Path
 import rospy
 from gazebo_msgs.msg import LinkState, ModelState
 
+from g1_description.choices import ENGINE_LIBRARIES
 from g1_description.errors import (
     DescriptionError,
     G1DescriptionError,
@@ -223,7 +224,7 @@ class GazeboNode:
 
     def run(self) -> None:
         """Step, publish and answer until the node is shut down."""
-        due = time.monotonic()
+        due, steps = time.monotonic(), 1
         while not rospy.is_shutdown():
             now = time.monotonic()
             if self._is_silent or not self._is_running:
@@ -234,14 +235,15 @@ class GazeboNode:
                 self._answer_one(wait)
                 due = time.monotonic()
                 continue
-            due = min(due, now + self._world.properties.period)
+            due = min(due, now + steps * self._world.properties.period)
             if now < due and not self._stepper.is_stepping:
                 self._answer_one(min(due - now, MAX_WAIT))
             else:
                 for _ in range(len(self._calls)):
                     self._answer_one(0.0)
-                self._step()
-                due = max(due + self._world.properties.period, now - MAX_WAIT)
+                steps = self._step()
+                due += steps * self._world.properties.period
+                due = max(due, now - MAX_WAIT)
         self._stepper.cancel()
         self._calls.cancel()
 
@@ -266,13 +268,21 @@ class GazeboNode:
         if self._calls.answer(wait):
             self._topics.change()
 
-    def _step(self) -> None:
-        """Compute a time step and publish the states after it."""
+    def _step(self) -> int:
+        """Compute time steps until a state is due, and publish it.
+
+        Requested steps are computed one by one.
+
+        Returns:
+            Number of steps.
+        """
         if self._is_silent or not self._is_running:
-            return
+            return 1
+        most = self._topics.steps_to_due()
         if self._stepper.is_stepping:
             self._topics.wait_for_room()
-        self._world.step()
+            most = 1
+        count = self._world.advance(most)
         failure = self._world.engine.take_failure()
         if failure:
             self._simulation.log.warn("physics", failure, log=rospy.logerr)
@@ -282,6 +292,7 @@ class GazeboNode:
                 rospy.loginfo("%s: %s", tracker.model.name, tracker.report)
                 self._tracking.publish(tracking_message(tracker))
         self._stepper.count()
+        return count
 
 
 def make_world(parameters: GazeboParameters) -> tuple[World, GazeboParameters]:
@@ -373,8 +384,10 @@ def spawn_robot(world: World, parameters: GazeboParameters) -> None:
     except InvalidValueError as error:
         rospy.logwarn("The anchor of %s is ignored: %s.", name, error)
     models.log_hulls(world.models[name])
-    other = {"mujoco": " with MuJoCo"}.get(parameters.engine, "")
-    rospy.loginfo("%s: %s", name, figures(assembly, parameters.physics + other))
+    physics = parameters.physics
+    if physics != "kinematic":
+        physics += f" with {ENGINE_LIBRARIES[parameters.engine]}"
+    rospy.loginfo("%s: %s", name, figures(assembly, physics))
 
 
 def figures(assembly: Assembly, physics: str) -> str:

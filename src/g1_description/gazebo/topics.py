@@ -174,14 +174,26 @@ class StateTopics:
         self._world.motions.show()
         return math.inf
 
+    def steps_to_due(self) -> int:
+        """Count the steps until a state or the time is due."""
+        parameters, step_ns = self._parameters, self._world.properties.step_ns
+        steps = []
+        for rate in (parameters.pub_clock_frequency, parameters.link_states_rate):
+            period_ns = self._period_ns(rate)
+            left_ns = period_ns - self._world.time_ns % period_ns
+            steps.append(-(-left_ns // step_ns))
+        return min(steps)
+
     def _is_due(self, rate: float) -> bool:
-        """Return whether a rate publishes this step; 0: all are published."""
-        if not rate:
-            return True
+        """Return whether a rate publishes this step."""
+        left_ns = self._world.time_ns % self._period_ns(rate)
+        return left_ns < self._world.properties.step_ns
+
+    def _period_ns(self, rate: float) -> int:
+        """Return the time between two publications in [ns]; of rate 0, a step."""
         properties = self._world.properties
-        every = int(1.0 / (properties.time_step * rate) + 1e-9)
-        period_ns = max(1, every) * properties.step_ns
-        return self._world.time_ns % period_ns < properties.step_ns
+        steps = int(1.0 / (properties.time_step * rate) + 1e-9) if rate else 1
+        return max(1, steps) * properties.step_ns
 
     def _link_states(self) -> Iterator[Prepared]:
         yield ready(self._encoded_links())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
@@ -14,7 +15,7 @@ from g1_description.motion.tolerances import Tolerances, worst_violation
 
 
 class Setpoint(NamedTuple):
-    """Joints and base of a motion at one time."""
+    """Joints and base of a motion at one time, or several as a first axis."""
 
     rows: np.ndarray
     """Indices of the robot's movable joints that it moves, shape (n,)."""
@@ -31,6 +32,14 @@ class Setpoint(NamedTuple):
     base_twist: np.ndarray | None = None
     """Velocity of the root link's origin and its angular velocity, along the map's
     axes, shape (6,); None with the pose."""
+
+    def at(self, index: int) -> Setpoint:
+        """Return that at one of several times."""
+        joints = self.positions[index], self.velocities[index]
+        if self.base_pose is None or self.base_twist is None:
+            return Setpoint(self.rows, *joints)
+        base = self.base_pose[index], self.base_twist[index]
+        return Setpoint(self.rows, *joints, *base)
 
 
 AHEAD = 64
@@ -62,9 +71,10 @@ class Playback:
         self.is_single = len(motion.times) == 1
         """Whether it is a single configuration."""
         self._motion = motion
-        self._sampled_ns = self._step_ns = 0
-        self._ahead: tuple[int, Sample] | None = None
-        """Time in [ns] of the first of several configurations, and them."""
+        self._sampled_ns = 0
+        self._ahead: tuple[int, int, Sample] | None = None
+        """Time of the first of several configurations and their step, in [ns], and
+        them."""
         self._n_reached = 0
         self._columns = columns
         self.rows = rows
@@ -121,27 +131,43 @@ class Playback:
 
     def setpoint(self, time_ns: int) -> Setpoint:
         """Sample it at a time in [ns]."""
-        found, at = self._sampled(time_ns)
+        step_ns, self._sampled_ns = max(1, time_ns - self._sampled_ns), time_ns
+        return self.setpoints(time_ns, step_ns, 1).at(0)
+
+    def setpoints(self, time_ns: int, step_ns: int, count: int) -> Setpoint:
+        """Sample it at several times.
+
+        Args:
+            time_ns: The first time in [ns].
+            step_ns: From one time to the next, in [ns].
+            count: Number of times.
+
+        Returns:
+            The setpoints, with the times as a first axis.
+        """
+        ahead, index = self._ahead, AHEAD
+        if ahead is not None and ahead[1] == step_ns:
+            index, rest = divmod(time_ns - ahead[0], step_ns)
+            index = AHEAD if rest else index
+        if ahead is None or not 0 <= index <= AHEAD - count:
+            numbers = range(max(AHEAD, count))
+            times = [self._elapsed(time_ns + step_ns * number) for number in numbers]
+            ahead = time_ns, step_ns, sample(self._motion, np.array(times))
+            self._ahead, index = ahead, 0
+        found, at = ahead[2], slice(index, index + count)
         columns = self._columns
-        joints = found.positions[at][columns], found.velocities[at][columns]
+        joints = found.positions[at, columns], found.velocities[at, columns]
         if not self.moves_base or found.base_poses is None:
             return Setpoint(self.rows, *joints)
         assert found.base_twists is not None, "a base has a twist"
         return Setpoint(self.rows, *joints, found.base_poses[at], found.base_twists[at])
 
-    def _sampled(self, time_ns: int) -> tuple[Sample, int]:
-        """Sample it; return configurations, and the index of that at the time."""
-        step, self._sampled_ns = time_ns - self._sampled_ns, time_ns
-        is_steady, self._step_ns = step == self._step_ns > 0, step
-        if is_steady and self._ahead is not None:
-            index, rest = divmod(time_ns - self._ahead[0], step)
-            if not rest and 0 <= index < AHEAD:
-                return self._ahead[1], index
-        count = AHEAD if is_steady else 1
-        times = [self._elapsed(time_ns + n * step) for n in range(count)]
-        found = sample(self._motion, np.array(times))
-        self._ahead = (time_ns, found) if is_steady else None
-        return found, 0
+    def steady_steps(self, time_ns: int, step_ns: int) -> int:
+        """Count the steps after a time in [ns] until it begins, or its last one."""
+        if not self.has_begun:
+            return -((time_ns - self.start_ns) // step_ns) - 1
+        left = 1e9 * (self._motion.rest_time - self._elapsed(time_ns))
+        return math.ceil(left / step_ns - 1e-6)
 
     def _elapsed(self, time_ns: int) -> float:
         """Compute the time since the beginning, in [s]."""
@@ -209,6 +235,19 @@ class Playlist:
                 playback.begin(time_ns, present)
                 older = self._playbacks[: self._playbacks.index(playback)]
                 self._release(older, playback.rows, playback.moves_base)
+
+    def steady_steps(self, time_ns: int, step_ns: int) -> int:
+        """Count the steps after a time before one in which a motion begins or ends.
+
+        Args:
+            time_ns: The time in [ns].
+            step_ns: Length of a step in [ns].
+
+        Returns:
+            At least 1: the first step may begin motions, and the last one end some.
+        """
+        steps = [one.steady_steps(time_ns, step_ns) for one in self._playbacks]
+        return max(1, min(steps, default=1))
 
     def moving(self) -> list[Playback]:
         """List the motions that have begun."""

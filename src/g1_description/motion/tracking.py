@@ -96,7 +96,7 @@ class TrackingReport:
 
 
 class TrackingRecorder:
-    """Collects the numbers of a report step by step, for a motion's joints."""
+    """Collects the numbers of a report, for a motion's joints."""
 
     def __init__(self, joint_names: tuple[str, ...]) -> None:
         n_joints = len(joint_names)
@@ -110,34 +110,46 @@ class TrackingRecorder:
         self._end = 0.0
 
     def add(
-        self, time: float, joints: np.ndarray, errors: np.ndarray, at_limit: np.ndarray
+        self,
+        times: np.ndarray,
+        joints: np.ndarray,
+        errors: np.ndarray,
+        at_limit: np.ndarray,
     ) -> None:
-        """Add a step.
+        """Add steps.
 
         Args:
-            time: Since the motion's beginning, in [s].
+            times: Since the motion's beginning, in [s], shape (n_steps,).
             joints: Indices of the joints that the motion still moves, shape (n,).
-            errors: Their positions minus their targets, in [rad] or [m], shape (n,).
-            at_limit: Whether their motors are at their effort limits, shape (n,).
+            errors: Their positions minus their targets, in [rad] or [m], shape
+                (n_steps, n).
+            at_limit: Whether their motors are at their effort limits, shape
+                (n_steps, n).
         """
-        self._begin = time if self._begin is None else self._begin
-        self._end = time
-        self._steps[joints] += 1
+        self._begin = times[0] if self._begin is None else self._begin
+        self._end = times[-1]
+        self._steps[joints] += len(times)
         sizes = np.abs(errors)
-        reaching = joints[(sizes <= REACHED) & ~self._has_reached[joints]]
+        has_reached = np.logical_or.accumulate(sizes <= REACHED)
+        is_new = has_reached[-1] & ~self._has_reached[joints]
+        reaching = joints[is_new]
         if reaching.size:  # earlier errors are those of the path there
             self._has_reached[reaching] = True
             self._counts[reaching], self._squares[reaching] = 0, 0.0
             self._largest[reaching], self._largest_times[reaching] = 0.0, np.nan
-        self._counts[joints] += 1
-        self._squares[joints] += errors**2
-        is_larger = sizes > self._largest[joints]
-        self._largest[joints[is_larger]] = sizes[is_larger]
-        self._largest_times[joints[is_larger]] = time
+        counts = has_reached | ~is_new
+        self._counts[joints] += counts.sum(axis=0)
+        sizes = np.where(counts, sizes, 0.0)
+        self._squares[joints] += (sizes**2).sum(axis=0)
+        largest, at = sizes.max(axis=0), times[sizes.argmax(axis=0)]
+        is_larger = largest > self._largest[joints]
+        self._largest[joints[is_larger]] = largest[is_larger]
+        self._largest_times[joints[is_larger]] = at[is_larger]
         if at_limit.any():
-            limited = joints[at_limit]
-            self._limit_times[limited[self._at_limit[limited] == 0]] = time
-            self._at_limit[limited] += 1
+            first = times[at_limit.argmax(axis=0)]
+            is_first = at_limit.any(axis=0) & (self._at_limit[joints] == 0)
+            self._limit_times[joints[is_first]] = first[is_first]
+            self._at_limit[joints] += at_limit.sum(axis=0)
 
     def report(self, fall_time: float | None) -> TrackingReport:
         """Compute the report; the time of a fall is in [s]."""
@@ -177,17 +189,29 @@ class FallDetector:
         self._offset = 0.0 if desired is None else float(desired[2] - base_pose[2])
         self._limits = limits or FallLimits()
 
-    def has_fallen(self, base_pose: np.ndarray, desired: np.ndarray | None) -> bool:
-        """Return whether a base has fallen, from T_world_base and its desired pose."""
+    def has_fallen(
+        self, base_poses: np.ndarray, desired: np.ndarray | None
+    ) -> np.ndarray:
+        """Return whether a base has fallen.
+
+        Args:
+            base_poses: T_world_base, shape (..., 7).
+            desired: Their desired poses, shape (..., 7); None without a base.
+
+        Returns:
+            Shape (...).
+        """
         up = self._up if desired is None else _up(desired)
-        cosine = sum(a * b for a, b in zip(_up(base_pose), up))
-        if cosine < math.cos(self._limits.lean):
-            return True
-        drop = 0.0 if desired is None else desired[2] - base_pose[2] - self._offset
-        return bool(drop > self._limits.drop)
+        cosines = (_up(base_poses) * up).sum(axis=-1)
+        fallen = cosines < math.cos(self._limits.lean)
+        if desired is not None:
+            drop = desired[..., 2] - base_poses[..., 2] - self._offset
+            fallen |= drop > self._limits.drop
+        return np.asarray(fallen)
 
 
-def _up(pose: np.ndarray) -> tuple[float, float, float]:
-    """Compute the world's z axis in the base's own frame."""
-    x, y, z, w = pose[3:].tolist()
-    return 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
+def _up(poses: np.ndarray) -> np.ndarray:
+    """Compute the world's z axis in the base's own frame, shape (..., 3)."""
+    x, y, z, w = np.moveaxis(poses[..., 3:], -1, 0)
+    up = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
+    return np.stack(up, axis=-1)

@@ -207,6 +207,9 @@ class Gantries:
         self._engine = engine
         self._ropes: dict[Model, Rope] = {}
 
+    def __bool__(self) -> bool:
+        return bool(self._ropes)
+
     def hang(self, model: Model, link: str, length: float) -> float:
         """Hang a model from the point above a link, also one that hangs already.
 

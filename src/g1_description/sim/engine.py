@@ -9,6 +9,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
 from importlib import import_module
+from importlib.util import find_spec
+from typing import NamedTuple
 
 import numpy as np
 
@@ -40,6 +42,9 @@ FAILURE = (
     "rest where they were before it"
 )
 """Message of ``Engine.take_failure``."""
+
+MAX_STEPS = 20
+"""Largest number of steps that are computed together: requests wait for them."""
 
 _WHOLE_NUMBERS = ("sor_pgs_precon_iters", "sor_pgs_iters", "max_contacts")
 
@@ -136,6 +141,19 @@ _RANGES = {
 """Ranges; those of ODE's properties are as wide as PyBullet allows."""
 
 
+class Steps(NamedTuple):
+    """A model in several steps."""
+
+    positions: np.ndarray
+    """Of the movable joints after each step, in [rad] or [m], shape (n, n_joints)."""
+
+    efforts: np.ndarray
+    """Of the motors in each step, in [N m] or [N], shape (n, n_joints)."""
+
+    base_poses: np.ndarray
+    """T_world_base of the first root after each step, shape (n, 7)."""
+
+
 class Engine(ABC):
     """Moves the models of a world and finds their contacts.
 
@@ -145,6 +163,9 @@ class Engine(ABC):
     friction and damping. Models without links have no body. A world at rest sleeps:
     steps are skipped until the next write.
     """
+
+    max_steps = 1
+    """Largest number of steps that it computes together."""
 
     _moving: MovingModels
 
@@ -268,18 +289,38 @@ class Engine(ABC):
     def _rebuild(self, models: Sequence[Model]) -> None:
         """Build models that have drives, and no others."""
 
-    def step(self) -> None:
-        """Compute one time step, unless the world sleeps.
+    @property
+    def is_resting(self) -> bool:
+        """Whether the world sleeps."""
+        return self._rest.is_resting
 
-        ``update_models`` applies it to the models.
+    def steady_steps(self) -> int:
+        """Return how many steps can be computed together now.
+
+        The world falls asleep after the last one, if at all.
+        """
+        return min(self.max_steps, self._rest.steps_left(self.properties.time_step))
+
+    def advance(self, count: int) -> None:
+        """Compute steps, unless the world sleeps; ``update_models`` applies them.
+
+        Results do not depend on how steps are grouped.
+
+        Args:
+            count: Number of steps, at most ``steady_steps``.
         """
         if not self._rest.is_resting:
-            self._step()
+            self._advance(count)
             self._moving.read()
 
     @abstractmethod
-    def _step(self) -> None:
-        """Compute one time step, and keep ``_moving`` up to date."""
+    def _advance(self, count: int) -> None:
+        """Compute steps, and keep ``_moving`` up to date."""
+
+    def last_steps(self, model: Model, count: int) -> Steps:
+        """Return a model after and in the last steps, by default of one."""
+        one = model.position, self.efforts(model), model.root_poses[0]
+        return Steps(*(np.repeat(part[np.newaxis], count, axis=0) for part in one))
 
     def take_failure(self) -> str:
         """Return a message on steps that failed since the last call; else empty."""
@@ -287,13 +328,18 @@ class Engine(ABC):
         return failure
 
     def update_models(self) -> None:
-        """Set the models' states to the results of the last step."""
+        """Set the models' states to the results of the last steps."""
         if self._rest.is_resting:
             return
         self._moving.update_models()
-        self._rest.update(self._moving.speed, self.properties.time_step)
+        for speed in self._speeds():
+            self._rest.update(speed, self.properties.time_step)
         if self._rest.is_resting:
             self._moving.stop()
+
+    def _speeds(self) -> Sequence[float]:
+        """Return the largest speed after each of the last steps."""
+        return [self._moving.speed]
 
     @abstractmethod
     def write(self, model: Model) -> None:
@@ -321,16 +367,30 @@ class Engine(ABC):
         Args:
             model: The model.
             rows: Rows of its movable joints, shape (n,).
-            positions: Target positions in [rad] or [m], shape (n,).
-            velocities: Target velocities in [rad/s] or [m/s], shape (n,).
+            positions: Target positions in [rad] or [m], shape (n,), or (n_steps, n)
+                for each of the next steps; the last ones stay.
+            velocities: Target velocities in [rad/s] or [m/s], of the same shape.
         """
         drives = self._drives.get(model.name)
         if drives is None:
             return
-        is_driven = drives.is_driven
-        drives.follow(rows, positions, velocities)
+        is_driven, is_path = drives.is_driven, positions.ndim == 2
+        last = -1 if is_path else slice(None)
+        drives.follow(rows, positions[last], velocities[last])
         update = self._update_drives if is_driven else self._update_targets
         update(model, rows)
+        if is_path and len(positions) > 1:
+            self._plan(model, rows, np.stack([positions, velocities]))
+
+    def _plan(self, model: Model, rows: np.ndarray, path: np.ndarray) -> None:
+        """Set targets of motors for each of the next steps, if there are several.
+
+        Args:
+            model: The model.
+            rows: Rows of its movable joints, shape (n,).
+            path: Positions and velocities, shape (2, n_steps, n).
+        """
+        raise NotImplementedError("one step is computed at a time")
 
     def drive(self, model: Model, rows: np.ndarray, command: PdCommand) -> None:
         """Let a controller drive movable joints, until they get targets again.
@@ -424,6 +484,11 @@ def _unused(motors: Motors, model: Model) -> tuple[str, ...]:
         if patterns
         else ()
     )
+
+
+def fastest_engine() -> str:
+    """Return the fastest engine whose library is installed; else the first one."""
+    return "mujoco" if find_spec("mujoco") else ENGINES[0]
 
 
 def engine_class(name: str) -> type[Engine]:

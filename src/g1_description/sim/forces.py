@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -97,12 +98,26 @@ class ForceSchedule:
         kept = {k: e for k, e in self._efforts.items() if k[0].model is not model}
         self._efforts = kept
 
-    def apply(self, engine: Engine, time_ns: int) -> None:
-        """Apply the forces of the next step, and remove those that end with it.
+    def steady_steps(self, time_ns: int, step_ns: int) -> float:
+        """Count the steps after a time that have the same forces.
+
+        Args:
+            time_ns: The time in [ns].
+            step_ns: Length of a step in [ns].
+        """
+        spans = [span for _, span, _ in self._wrenches]
+        spans += [span for _, span in self._efforts]
+        ends = [t for span in spans for t in (span.start, span.end) if t is not None]
+        steps = [(end - time_ns) // step_ns for end in ends if end > time_ns]
+        return max(1, min(steps, default=math.inf))
+
+    def apply(self, engine: Engine, time_ns: int, end_ns: int) -> None:
+        """Apply the forces of the next steps, and remove those that end with them.
 
         Args:
             engine: The engine of the models.
-            time_ns: The time at which the step ends, in [ns].
+            time_ns: The time at which the first step ends, in [ns].
+            end_ns: The time at which the last step ends, in [ns].
         """
         active = {link: w for link, span, w in self._wrenches if span.holds(time_ns)}
         for link, wrench in active.items():
@@ -111,8 +126,8 @@ class ForceSchedule:
             row = joint.model.joint_row(joint.name)
             if row is not None and span.holds(time_ns):
                 engine.apply_effort(joint.model, row, effort)
-        if any(span.is_over(time_ns) for _, span, _ in self._wrenches):
-            self._wrenches = [w for w in self._wrenches if not w[1].is_over(time_ns)]
-        if any(span.is_over(time_ns) for _, span in self._efforts):
-            kept = {k: e for k, e in self._efforts.items() if not k[1].is_over(time_ns)}
+        if any(span.is_over(end_ns) for _, span, _ in self._wrenches):
+            self._wrenches = [w for w in self._wrenches if not w[1].is_over(end_ns)]
+        if any(span.is_over(end_ns) for _, span in self._efforts):
+            kept = {k: e for k, e in self._efforts.items() if not k[1].is_over(end_ns)}
             self._efforts = kept

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 
 import numpy as np
@@ -16,7 +17,7 @@ from g1_description.motion.tracking import (
     TrackingReport,
 )
 from g1_description.sim.anchor import Anchors
-from g1_description.sim.engine import Engine
+from g1_description.sim.engine import Engine, Steps
 from g1_description.sim.model import Model, Report
 
 WATCH_TIME = 1_000_000_000
@@ -53,42 +54,44 @@ class MotionTracker:
         self._end_ns = 0
 
     def expect(self, desired: Setpoint) -> None:
-        """Record the motors' targets of the next step."""
+        """Record the motors' targets of the next steps, one row each."""
         if self._falls is None:
+            base = None if desired.base_pose is None else desired.base_pose[0]
             self._falls = FallDetector(
-                self.model.root_poses[0], desired.base_pose, self._fall_limits
+                self.model.root_poses[0], base, self._fall_limits
             )
         self._desired = desired
 
-    def measure(self, time_ns: int) -> bool:
+    def measure(self, times_ns: np.ndarray, steps: Steps) -> bool:
         """Compare the model with the targets; return whether to continue.
 
         Without targets the motion is over, and only the base is observed.
 
         Args:
-            time_ns: Time of the model's state in [ns].
+            times_ns: Times of the states in [ns], shape (n,).
+            steps: The model after and in these steps.
         """
-        model, desired, time = (
-            self.model,
-            self._desired,
-            1e-9 * (time_ns - self.start_ns),
-        )
+        desired, base = self._desired, self._base
         if desired is not None:
-            self._end_ns, self._base = time_ns, desired.base_pose
+            base = desired.base_pose
+            self._end_ns = int(times_ns[-1])
+            self._base = None if base is None else base[-1]
             rows = desired.rows
-            efforts = np.abs(self._engine.efforts(model)[rows])
             self._recorder.add(
-                time,
+                1e-9 * (times_ns - self.start_ns),
                 self._columns[rows],
-                model.position[rows] - desired.positions,
-                efforts >= self._limits[rows],
+                steps.positions[:, rows] - desired.positions,
+                np.abs(steps.efforts[:, rows]) >= self._limits[rows],
             )
             self._desired = None
-        falls, root = self._falls, model.root_poses[0]
-        can_fall = not self.has_fallen and not model.trees[0].fixed
-        if can_fall and falls and falls.has_fallen(root, self._base):
-            self._fall_time = time
-        return time_ns < self._end_ns + WATCH_TIME
+        until_ns = self._end_ns + WATCH_TIME
+        if self._falls and not (self.has_fallen or self.model.trees[0].fixed):
+            fallen = self._falls.has_fallen(steps.base_poses, base)
+            fallen &= times_ns <= until_ns
+            if fallen.any():
+                first = int(times_ns[fallen.argmax()])
+                self._fall_time = 1e-9 * (first - self.start_ns)
+        return bool(times_ns[-1] < until_ns)
 
     @property
     def has_fallen(self) -> bool:
@@ -128,6 +131,9 @@ class Motions:
         self._is_shown = False
         self._trackers: dict[Playback, MotionTracker] = {}
         self._tracked: list[MotionTracker] = []
+
+    def __bool__(self) -> bool:
+        return bool(self._playlists)
 
     def play(self, model: Model, motion: Motion, start_ns: int) -> Report:
         """Play a motion, from the first step at or after its start.
@@ -176,8 +182,8 @@ class Motions:
         for playback in playlist.moving() if playlist else ():
             stopped = np.intersect1d(playback.rows, np.array(rows, dtype=int))
             base = playback.moves_base and not names
-            still = model.target[stopped], np.zeros(len(stopped))
-            root = (model.root_poses[0], np.zeros(6)) if base else ()
+            still = model.target[[stopped]], np.zeros((1, len(stopped)))
+            root = (model.root_poses[:1], np.zeros((1, 6))) if base else ()
             self._set(model, Setpoint(stopped, *still, *root))
         if not names and self._engine.is_dynamic:
             model.commanded_base = None  # nothing holds the base
@@ -211,18 +217,41 @@ class Motions:
         kept = [item for item in self._trackers.items() if item[1].model is not model]
         self._trackers = dict(kept)
 
-    def step(self, time_ns: int) -> None:
-        """Set models, or their motors' targets, to their motions at a time in [ns]."""
+    def steady_steps(self, time_ns: int) -> float:
+        """Count the steps after a time in [ns] that can be computed together.
+
+        No motion begins or ends between them.
+        """
+        step_ns = self._engine.properties.step_ns
+        steps = [p.steady_steps(time_ns, step_ns) for p in self._playlists.values()]
+        return min(steps, default=math.inf)
+
+    def step(self, time_ns: int, count: int = 1) -> None:
+        """Set models, or their motors' targets, to their motions.
+
+        Args:
+            time_ns: Time of the first step in [ns].
+            count: Number of steps, at most ``steady_steps``. In ``kinematic`` physics
+                the last one applies.
+        """
         if self._is_shown:
             self._reached.clear()
             self._is_shown = False
+        if not self._playlists:
+            return
+        step_ns = self._engine.properties.step_ns
+        end_ns = time_ns + step_ns * (count - 1)
+        first_ns = time_ns
+        if not self._engine.is_dynamic:
+            first_ns, count = end_ns, 1
         for model, playlist in [*self._playlists.items()]:
             if playlist.is_waiting:
                 playlist.begin(time_ns, _state(model))
             moving, moved_base = playlist.moving(), self.moves_base(model)
             for playback in moving:
-                desired = self._set(model, playback.setpoint(time_ns))
-                if playback.reaches_sample(time_ns):
+                found = playback.setpoints(first_ns, step_ns, count)
+                desired = self._set(model, found)
+                if playback.reaches_sample(end_ns):
                     self._reached.add(model)
                 if self._engine.is_dynamic and not playback.is_single:
                     if playback not in self._trackers:
@@ -230,7 +259,7 @@ class Motions:
                             self._engine, model, playback, self.fall_limits
                         )
                     self._trackers[playback].expect(desired)
-            playlist.drop_over(time_ns)
+            playlist.drop_over(end_ns)
             if moving:
                 self._settle(model, moved_base)
             if not playlist:
@@ -244,10 +273,11 @@ class Motions:
         """Record that the present state is published."""
         self._is_shown = True
 
-    def measure(self, time_ns: int) -> None:
-        """Compare the models with their motions after a step, at a time in [ns]."""
+    def measure(self, times_ns: np.ndarray) -> None:
+        """Compare the models with their motions after steps, at times in [ns]."""
         for playback, tracker in [*self._trackers.items()]:
-            if not tracker.measure(time_ns):
+            steps = self._engine.last_steps(tracker.model, len(times_ns))
+            if not tracker.measure(times_ns, steps):
                 self._tracked.append(tracker)
                 del self._trackers[playback]
 
@@ -267,22 +297,23 @@ class Motions:
     def _set(self, model: Model, desired: Setpoint) -> Setpoint:
         """Set a model or its motors' targets; return them.
 
-        Joints too far beyond their limits are clamped, and stopped.
+        Each row of the arrays is a step. Joints too far beyond their limits are
+        clamped, and stopped.
         """
-        model.commanded[desired.rows] = desired.positions
-        if desired.base_pose is not None:
-            model.commanded_base = desired.base_pose
-        lower = model.lower[desired.rows] - LIMIT_TOLERANCE
-        upper = model.upper[desired.rows] + LIMIT_TOLERANCE
-        inside = np.minimum(np.maximum(desired.positions, lower), upper)
-        is_inside = inside == desired.positions
-        velocities = np.where(is_inside, desired.velocities, 0.0)
-        desired = desired._replace(positions=inside, velocities=velocities)
+        rows, positions, velocities, *base = desired
+        model.commanded[rows] = positions[-1]
+        if base[0] is not None:
+            model.commanded_base = base[0][-1]
+        lower = model.lower[rows] - LIMIT_TOLERANCE
+        upper = model.upper[rows] + LIMIT_TOLERANCE
+        inside = np.minimum(np.maximum(positions, lower), upper)
+        velocities = np.where(inside == positions, velocities, 0.0)
+        desired = Setpoint(rows, inside, velocities, *base)
         if self._engine.is_dynamic:
-            model.target[desired.rows] = desired.positions
-            self._engine.follow(model, *desired[:3])
+            model.target[rows] = inside[-1]
+            self._engine.follow(model, rows, inside, velocities)
         else:
-            model.set_moving(desired)
+            model.set_moving(desired.at(-1))
             self._engine.write(model)
         return desired
 

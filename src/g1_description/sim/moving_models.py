@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
@@ -104,6 +105,11 @@ class RestDetector:
     def is_resting(self) -> bool:
         """Whether steps change nothing until something is written."""
         return self._still_for >= REST_TIME
+
+    def steps_left(self, time_step: float) -> int:
+        """Return the number of steps until the world may sleep, at least 1."""
+        left = (REST_TIME - self._still_for) / max(time_step, 1e-9)
+        return max(1, math.ceil(left - 1e-6))
 
     def wake(self) -> None:
         """Resume steps, and count from zero."""

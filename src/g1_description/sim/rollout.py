@@ -122,6 +122,9 @@ class Rollout:
     left_out: tuple[str, ...]
     """A message for each part of the robot that is not simulated."""
 
+    engine: str
+    """One of ``ENGINES``."""
+
     @property
     def fell_at(self) -> float | None:
         """Time of the motion at which the robot fell, in [s]; None if it did not."""
@@ -173,13 +176,14 @@ def rollout(
         rows: list[np.ndarray] = []
         tracker: MotionTracker | None = None
         since: list[np.ndarray] = []
-        for number in range(1, n_steps + 1):
-            world.step()
+        number = 0
+        while number < n_steps and not (tracker and tracker.has_fallen):
+            count = world.advance(min(stride - number % stride, n_steps - number))
+            number += count
             tracker = tracker or world.motions.tracker(model)
             assert tracker is not None, "a motion in hold is tracked"
-            since.append(world.engine.efforts(model))
-            is_over = tracker.has_fallen
-            if is_over or number % stride == 0:
+            since.extend(world.engine.last_steps(model, count).efforts)
+            if tracker.has_fallen or number % stride == 0:
                 time = 1e-9 * (world.time_ns - start_ns)
                 joints = model.target, model.position, model.velocity
                 efforts, since = (since[-1], np.mean(since, axis=0)), []
@@ -188,8 +192,6 @@ def rollout(
                 )
                 if on_progress:
                     on_progress(number / n_steps)
-            if is_over:
-                break
         assert tracker is not None  # there is at least one step
         widths = [1, *5 * [len(model.joint_names)], 7]
         columns = np.split(np.array(rows), np.cumsum(widths)[:-1], axis=1)
@@ -211,6 +213,7 @@ def rollout(
             desired_base_poses=desired_bases,
             lift=lift,
             left_out=left_out,
+            engine=under.engine,
         )
 
 

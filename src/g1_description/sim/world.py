@@ -27,7 +27,7 @@ from g1_description.robot.transform import compose
 from g1_description.sdf.world import EMPTY_WORLD, Light, Sdf, read_sdf
 from g1_description.sim.anchor import Anchors, Gantries
 from g1_description.sim.drives import PdCommand
-from g1_description.sim.engine import PhysicsProperties, engine_class
+from g1_description.sim.engine import MAX_STEPS, PhysicsProperties, engine_class
 from g1_description.sim.entities import (
     Entities,
     Entity,
@@ -263,19 +263,44 @@ class World:
 
     def step(self) -> None:
         """Compute one time step."""
-        time_ns = self.time_ns + self.properties.step_ns
+        self.advance(1)
+
+    def advance(self, most: int) -> int:
+        """Compute time steps, as many as nothing changes between.
+
+        Args:
+            most: Their largest number.
+
+        Returns:
+            Their number, at least 1.
+        """
+        now, step_ns = self.time_ns, self.properties.step_ns
+        count = max(1, min(most, self._steady_steps())) if most > 1 else 1
+        first, last = now + step_ns, now + step_ns * count
         if self.is_dynamic:
-            self.motions.step(time_ns)
-            self.forces.apply(self.engine, time_ns)
+            self.motions.step(first, count)
+            self.forces.apply(self.engine, first, last)
             self.gantries.apply()
-            self.engine.step()
+            self.engine.advance(count)
         with self.lock:
-            self.time_ns = time_ns
+            self.time_ns = last
             if self.is_dynamic:
                 self.engine.update_models()
             else:
-                self.motions.step(time_ns)
-        self.motions.measure(time_ns)
+                self.motions.step(first, count)
+        self.motions.measure(now + step_ns * np.arange(1, count + 1))
+        return count
+
+    def _steady_steps(self) -> int:
+        """Count the steps that can be computed together."""
+        now, step_ns = self.time_ns, self.properties.step_ns
+        steps = [MAX_STEPS, self.motions.steady_steps(now)]
+        if self.is_dynamic:
+            steps.append(self.forces.steady_steps(now, step_ns))
+            is_driven = self.motions or self.forces or self.gantries
+            if is_driven or not self.engine.is_resting:
+                steps.append(1 if self.gantries else self.engine.steady_steps())
+        return int(min(steps))
 
     def set_joint_positions(self, name: str, positions: Mapping[str, float]) -> Report:
         """Teleport joints of a model; in ``hold`` these are the motors' targets.

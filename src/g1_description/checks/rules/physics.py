@@ -11,6 +11,7 @@ from g1_description.checks.measured import Measured
 from g1_description.checks.rule import Rule, units
 from g1_description.checks.thresholds import Level
 from g1_description.checks.verdict import BY_TIME, Finding
+from g1_description.choices import ENGINE_LIBRARIES
 from g1_description.robot.rotation import conjugate, rotate
 from g1_description.sim.rollout import Rollout
 
@@ -202,6 +203,7 @@ def physics_figures(played: Rollout) -> dict[str, float]:
 def physics_summary(measured: Measured) -> str:
     """Describe the simulated motion in a sentence."""
     played, outcome = _played(measured), "the robot does not fall"
+    begin = f"In simulation with {ENGINE_LIBRARIES[played.engine]}"
     if played.fell_at is not None:
         outcome = f"the robot falls at {played.fell_at:.3f} s"
         end = measured.motion.times[-1]
@@ -211,12 +213,12 @@ def physics_summary(measured: Measured) -> str:
         outcome = "the base is fixed"
     report, names = played.report, played.report.joint_names
     if not names:
-        return f"In simulation {outcome}."
+        return f"{begin} {outcome}."
     kinds = {joint.name: units(joint)[0] for joint in measured.robot.joints}
     figures = physics_figures(played)
     unit = " or ".join(dict.fromkeys(kinds[name] for name in names))
     return (
-        f"In simulation {outcome}; tracking error of {len(names)} joint"
+        f"{begin} {outcome}; tracking error of {len(names)} joint"
         f"{'s' if len(names) > 1 else ''}: rms "
         f"{figures['rms_tracking_error']:.4f} {unit}, largest "
         f"{figures['largest_tracking_error']:.4f} {unit} "

@@ -292,7 +292,7 @@ class BulletEngine(Engine):
             body.update_gravity()
         self._is_sorted = False
 
-    def _step(self) -> None:
+    def _advance(self, count: int) -> None:
         """Compute one time step."""
         self._sort()
         for body in self._weightless:

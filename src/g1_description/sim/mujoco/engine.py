@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -12,10 +12,17 @@ from g1_description.errors import DescriptionError, cause
 from g1_description.motion.motors import Motors
 from g1_description.robot.assembly import SCOPE
 from g1_description.robot.rotation import conjugate, cross, rotate, to_axes
-from g1_description.sim.engine import FAILURE, Engine, PhysicsProperties
+from g1_description.sim.engine import (
+    FAILURE,
+    MAX_STEPS,
+    Engine,
+    PhysicsProperties,
+    Steps,
+)
 from g1_description.sim.meshes.shapes import Mesh, find_meshes
 from g1_description.sim.model import Model, States
 from g1_description.sim.moving_models import MovingModels
+from g1_description.sim.mujoco.drives import JointRows, MujocoDrives
 from g1_description.sim.mujoco.mjcf import WorldFile
 
 MAX_DEPENETRATION_SPEED = 0.3
@@ -24,18 +31,8 @@ MAX_DEPENETRATION_SPEED = 0.3
 IMPEDANCE = (0.99, 0.999, 0.001, 0.5, 2.0)
 """Hardness of contacts and stops, MuJoCo's ``solimp``."""
 
-FRICTION_IMPEDANCE = (0.99999, 0.99999, 0.001, 0.5, 2.0)
-"""Hardness of friction of joints, and of motors: how exactly they reach a velocity."""
-
 FRICTION_RATIO = 10.0
 """MuJoCo's ``impratio``: how much harder friction is than contacts, against slip."""
-
-MAX_DAMPING = 10.0
-"""Greatest damping of an actuator times the step, relative to the joint's inertia.
-
-It leaves a tenth of the velocity after a step. MuJoCo's constraints see accelerations
-without what dampers take within the step: with more, contacts throw the robot away.
-"""
 
 MAX_SPEED = 1e6
 """Speed in [m/s] or [rad/s] that no robot has: above it, a step has failed."""
@@ -43,7 +40,7 @@ MAX_SPEED = 1e6
 mujoco.set_mju_user_warning(lambda text: None)  # else it writes MUJOCO_LOG.TXT
 
 
-class _Rows:
+class _Rows(JointRows):
     """Where a model is in MuJoCo's arrays."""
 
     def __init__(
@@ -58,11 +55,19 @@ class _Rows:
             compiled.body_jntadr[bodies[joint.child]]
             for joint in model.assembly.description.movable_joints
         ]
-        self.joints = np.array(joints, dtype=int)
-        self.position = compiled.jnt_qposadr[self.joints]
-        self.velocity = compiled.jnt_dofadr[self.joints]
-        ends = {joint: row for row, (joint, _) in enumerate(compiled.actuator_trnid)}
-        self.actuators = np.array([ends[joint] for joint in joints], dtype=int)
+        super().__init__(compiled, np.array(joints, dtype=int))
+
+
+class _Steps(NamedTuple):
+    """Results of the last steps, which are the first axis."""
+
+    positions: np.ndarray
+    velocities: np.ndarray
+    friction: np.ndarray
+    """Of the joints, by degree of freedom; that of servos is their effort."""
+
+    springs: np.ndarray
+    """Forces of the actuators."""
 
 
 class MujocoEngine(Engine):
@@ -71,6 +76,8 @@ class MujocoEngine(Engine):
     The world is compiled again, from the states of its models, for the first step or
     query after models came or went.
     """
+
+    max_steps = MAX_STEPS
 
     def __init__(
         self,
@@ -81,6 +88,7 @@ class MujocoEngine(Engine):
         super().__init__(physics, properties, motors)
         self._models: dict[str, tuple[Model, Mapping[str, Mesh]]] = {}
         self._is_compiled = False
+        self._steps: _Steps | None = None
         self._forces: list[tuple[Model, str, np.ndarray]] = []
         self._joint_efforts: list[tuple[Model, int, float]] = []
 
@@ -149,6 +157,7 @@ class MujocoEngine(Engine):
             name: _Rows(model, bodies[name], file, self._model)
             for name, (model, _) in self._models.items()
         }
+        self._steps = None
         self._geoms = file.geoms
         self._restitutions = np.array(file.restitutions)
         self._is_compiled = True
@@ -163,61 +172,10 @@ class MujocoEngine(Engine):
 
     def _write_drives(self) -> None:
         """Write the drives of all joints."""
-        model, count = self._model, self._model.nv
-        self._is_servo = np.zeros(count, dtype=bool)
-        # Gains, and targets of positions and velocities, by degree of freedom.
-        self._gains, self._targets = np.zeros((2, 2, count))
-        # Efforts without springs, of these at zero, stiffness, damping, and limits.
-        self._springs, self._limits = np.zeros((4, model.nu)), np.zeros(model.nu)
-        model.dof_solimp[:] = FRICTION_IMPEDANCE
+        self._joints = MujocoDrives(self._model, self._data)
         for rows in self._rows.values():
-            drives = self._drives[rows.model.name]
-            self._gains[0, rows.velocity] = drives.position_gains
-            self._gains[1, rows.velocity] = drives.velocity_gains
-            model.dof_armature[rows.velocity] = drives.armature
-            self._limits[rows.actuators] = drives.limits
-            self._write_driven(rows)
-        self._find_servos()
-        mujoco.mj_setConst(model, self._data)
-
-    def _write_driven(self, rows: _Rows) -> None:
-        """Write the present drives of the joints of a model.
-
-        A servo is friction with a target, a spring and damper is an actuator.
-        """
-        drives, model, dofs = self._drives[rows.model.name], self._model, rows.velocity
-        is_servo = drives.is_servo
-        self._is_servo[dofs] = is_servo
-        friction = np.where(is_servo, drives.limits, drives.friction)
-        model.dof_frictionloss[dofs] = friction
-        model.dof_damping[dofs] = np.where(is_servo, 0.0, drives.joint_damping)
-        springs = np.stack([drives.stiffness, drives.damping])
-        self._springs[2:, rows.actuators] = np.where(is_servo, 0.0, springs)
-        self._springs[:2, rows.actuators] = 0.0
-        model.actuator_biasprm[rows.actuators] = 0.0
-        self._data.ctrl[rows.actuators] = 0.0
-        self._write_targets(rows)
-
-    def _find_servos(self) -> None:
-        """Find the servos among the constraints."""
-        model = self._model
-        # MuJoCo has a constraint for each degree of freedom with friction.
-        with_friction = np.flatnonzero(model.dof_frictionloss > 0.0)
-        self._servos = np.flatnonzero(self._is_servo[with_friction])
-        self._servo_dofs = with_friction[self._servos]
-        self._servo_places = model.jnt_qposadr[model.dof_jntid[self._servo_dofs]]
-        self._servo_gains = self._gains[:, self._servo_dofs]
-
-    def _write_targets(self, rows: _Rows) -> None:
-        """Write the targets of a model's joints."""
-        drives = self._drives[rows.model.name]
-        self._targets[:, rows.velocity] = drives.positions, drives.velocities
-        if drives.is_servo.all():
-            return
-        desired = drives.stiffness * drives.positions
-        desired += drives.damping * drives.velocities
-        efforts = np.stack([drives.feedforward, desired])
-        self._springs[:2, rows.actuators] = np.where(drives.is_servo, 0.0, efforts)
+            self._joints.add(self._drives[rows.model.name], rows)
+        mujoco.mj_setConst(self._model, self._data)
 
     def set_properties(self, properties: PhysicsProperties) -> None:
         """Set the properties; MuJoCo uses some of them."""
@@ -232,7 +190,7 @@ class MujocoEngine(Engine):
         option.timestep = step
         option.gravity[:] = properties.gravity
         option.iterations = max(1, properties.sor_pgs_iters)
-        option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICIT
+        option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
         option.impratio = FRICTION_RATIO
         option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
@@ -291,14 +249,18 @@ class MujocoEngine(Engine):
         """Apply the drives of some joints."""
         found = self._changed(model)
         if found is not None:
-            self._write_driven(found)
-            self._find_servos()
+            self._joints.update(self._drives[model.name], found)
 
     def _update_targets(self, model: Model, rows: np.ndarray) -> None:
         """Apply the targets of some joints."""
         found = self._changed(model)
         if found is not None:
-            self._write_targets(found)
+            self._joints.set_targets(self._drives[model.name], found)
+
+    def _plan(self, model: Model, rows: np.ndarray, path: np.ndarray) -> None:
+        """Set targets of motors for each of the next steps."""
+        self._compile()
+        self._joints.plan(self._rows[model.name].velocity[rows], path)
 
     def _prepare_reading(self) -> None:
         """Prepare to read the models that can move."""
@@ -349,28 +311,39 @@ class MujocoEngine(Engine):
 
     # --- steps ---
 
-    def _step(self) -> None:
-        """Compute one time step."""
+    def _advance(self, count: int) -> None:
+        """Compute time steps."""
         self._compile()
-        model, data = self._model, self._data
-        before = data.qpos.copy()
+        model, data, joints = self._model, self._data, self._joints
         self._apply_forces()
-        mujoco.mj_step1(model, data)
-        if self.physics == "hold":
-            self._drive_servos()
-        if self._springs.any():
-            self._drive_springs()
-        self._slow_separation()
-        mujoco.mj_step2(model, data)
+        joints.prepare(count, self.properties.time_step)
+        qpos, qvel, of_springs = data.qpos, data.qvel, data.actuator_force
+        positions, velocities = np.zeros((count, model.nq)), np.zeros((count, model.nv))
+        friction, springs = [], np.zeros((count, model.nu))
+        last = qpos.copy()
+        for step in range(count):
+            mujoco.mj_step1(model, data)
+            joints.apply(step)
+            self._slow_separation()
+            mujoco.mj_step2(model, data)
+            if not qvel @ qvel <= MAX_SPEED**2:  # also where it is NaN
+                self._restore(last)
+            positions[step], velocities[step], last = qpos, qvel, positions[step]
+            friction.append(data.efc_force[: data.nf].copy())
+            springs[step] = of_springs
         data.xfrc_applied[:] = 0.0
         data.qfrc_applied[:] = 0.0
-        is_valid = np.isfinite(data.qpos).all() and np.isfinite(data.qacc).all()
-        if not is_valid or not (np.abs(data.qvel) <= MAX_SPEED).all():
-            data.qpos[:] = before
-            for name in ("qvel", "qacc", "qacc_warmstart", "actuator_force"):
-                getattr(data, name)[:] = 0.0
-            data.efc_force[:] = 0.0
-            self._failure = FAILURE
+        by_dof = np.zeros((count, model.nv))
+        by_dof[:, data.efc_id[: data.nf]] = friction
+        self._steps = _Steps(positions, velocities, by_dof, springs)
+
+    def _restore(self, positions: np.ndarray) -> None:
+        """Put all models at rest where they were before a step that failed."""
+        data = self._data
+        data.qpos[:] = positions
+        for name in ("qvel", "qacc", "qacc_warmstart", "actuator_force", "efc_force"):
+            getattr(data, name)[:] = 0.0
+        self._failure = FAILURE
 
     def _apply_forces(self) -> None:
         """Write the forces of this step."""
@@ -388,47 +361,13 @@ class MujocoEngine(Engine):
         self._forces.clear()
         self._joint_efforts.clear()
 
-    def _drive_servos(self) -> None:
-        """Let friction of the joints, up to the motors' efforts, drive them.
-
-        Friction is a constraint on the acceleration that stops a joint; here, on that
-        which brings it to the velocity of ``ServoMotor``.
-        """
-        data, step = self._data, self.properties.time_step
-        dofs = self._servo_dofs
-        state = data.qpos[self._servo_places], data.qvel[dofs]
-        of_position, of_velocity = self._servo_gains * (self._targets[:, dofs] - state)
-        change = of_position / step + of_velocity
-        data.efc_aref[data.ne + self._servos] = change / step
-
-    def _drive_springs(self) -> None:
-        """Let springs and dampers pull, those at their limits with a constant effort.
-
-        Actuators damp within the step, also where MuJoCo limits their efforts. Here
-        those are limited that exceed it even so. Those that damp more than
-        ``MAX_DAMPING`` become softer, so that they need the same time as before.
-        """
-        model, data = self._model, self._data
-        joints = model.actuator_trnid[:, 0]
-        dofs = model.jnt_dofadr[joints]
-        inertia = data.qM[model.dof_Madr[dofs]]
-        ratio = self._springs[3] * self.properties.time_step / inertia
-        softness = MAX_DAMPING / np.maximum(ratio, MAX_DAMPING)
-        of_springs, stiffness, damping = self._springs[1:] * softness
-        effort = self._springs[0] + of_springs
-        now = effort - stiffness * data.qpos[model.jnt_qposadr[joints]]
-        now -= damping * data.qvel[dofs]
-        damped = now / (1.0 + np.minimum(ratio, MAX_DAMPING))
-        is_limited = np.abs(damped) >= self._limits
-        data.ctrl[:] = np.where(is_limited, np.copysign(self._limits, now), effort)
-        gains = np.where(is_limited, 0.0, [-stiffness, -damping])
-        model.actuator_biasprm[:, 1:3] = gains.T
-
     def _slow_separation(self) -> None:
         """Bound the speed at which contacts push overlapping links apart."""
         data = self._data
-        rows = slice(data.ne + data.nf + data.nl, data.nefc)
-        if not (data.efc_pos[rows] < -self._slow_depth).any():
+        if not data.ncon:
+            return
+        rows = slice(data.nf + data.nl, None)
+        if not data.efc_pos[rows].min(initial=0.0) < -self._slow_depth:
             return
         stiffness, damping, impedance, _ = data.efc_KBIP[rows].T
         depth = data.efc_margin[rows] - data.efc_pos[rows]
@@ -441,16 +380,36 @@ class MujocoEngine(Engine):
 
     def efforts(self, model: Model) -> np.ndarray:
         """Read the efforts of motors in the last step."""
-        rows = self._rows.get(model.name) if self._is_compiled else None
-        if rows is None:
+        if not self._is_compiled or self._steps is None:
             return np.zeros(len(model.joint_names))
-        data, by_dof = self._data, np.zeros(self._model.nv)
-        servos = slice(data.ne, data.ne + data.nf)
-        by_dof[data.efc_id[servos]] = data.efc_force[servos]
-        drives = self._drives[model.name]
-        springs = data.actuator_force[rows.actuators]
-        efforts = np.where(drives.is_servo, by_dof[rows.velocity], springs)
+        return self._efforts_in(self._steps, model)[-1]
+
+    def _efforts_in(self, steps: _Steps, model: Model) -> np.ndarray:
+        """Compute the efforts of motors in steps, shape (n, n_joints)."""
+        drives, rows = self._drives[model.name], self._rows[model.name]
+        servos, springs = steps.friction[:, rows.velocity], steps.springs
+        efforts = np.where(drives.is_servo, servos, springs[:, rows.actuators])
         return np.minimum(np.maximum(efforts, -drives.limits), drives.limits)
+
+    def _speeds(self) -> Sequence[float]:
+        """Return the largest speed after each of the last steps."""
+        assert self._steps is not None, "there was a step"
+        speeds = np.abs(self._steps.velocities).max(axis=1, initial=0.0)
+        return list(map(float, speeds))
+
+    def last_steps(self, model: Model, count: int) -> Steps:
+        """Return a model after and in the last steps."""
+        if self._rest.is_resting or not self._is_compiled or self._steps is None:
+            return super().last_steps(model, count)
+        rows, qpos = self._rows[model.name], self._steps.positions
+        bases = np.repeat(model.root_poses[:1], count, axis=0)
+        if not model.trees[0].fixed:
+            joint = self._model.body_jntadr[rows.roots[0]]
+            at = self._model.jnt_qposadr[joint] + np.array([0, 1, 2, 4, 5, 6, 3])
+            bases = qpos[:, at]
+            bases[:, :3] -= rotate(bases[:, 3:], rows.centers[0])
+        efforts = self._efforts_in(self._steps, model)
+        return Steps(qpos[:, rows.position], efforts, bases)
 
     def apply_wrench(self, model: Model, link: str, wrench: np.ndarray) -> None:
         """Apply a wrench to a link in the next step."""
