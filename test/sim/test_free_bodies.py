@@ -5,6 +5,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from g1_description.robot.lumping import lump_fixed_joints
 from g1_description.robot.transform import compose
@@ -272,3 +273,21 @@ def test_sdf_links_that_nothing_joins_are_free(make_world):
     # Links of one model pass through each other, those of models inside it do not.
     assert link_pose(world, "m::ball")[2] == pytest.approx(0.1, abs=0.01)
     assert link_pose(world, "m::cup::link")[2] == pytest.approx(0.65, abs=0.01)
+
+
+@pytest.mark.parametrize("spin", [20.0, 100.0, 300.0])
+def test_a_free_body_keeps_its_angular_momentum(make_world, spin):
+    """It wobbles, as it turns about none of its principal axes."""
+    world = make_world("limp", gravity=(0.0, 0.0, 0.0), engine="mujoco")
+    inertia = np.array([0.1, 0.2, 0.25])
+    axes = {"ixx": 0.1, "iyy": 0.2, "izz": 0.25, "ixy": 0, "ixz": 0, "iyz": 0}
+    numbers = " ".join(f'{name}="{value}"' for name, value in axes.items())
+    body = f'<inertial><mass value="2"/><inertia {numbers}/></inertial>'
+    world.spawn_urdf("body", f'<robot name="body">{link("body", body)}</robot>', HIGH)
+    model, turn = world.model("body"), np.array([0.97, 0.2, 0.1])
+    world.put("body", HIGH, np.array([0.0, 0.0, 0.0, *spin * turn]))
+    world.run(1.0)
+    R_world_body = Rotation.from_quat(model.pose[3:])
+    spin_now = R_world_body.inv().apply(model.twist[3:])
+    momentum = R_world_body.apply(inertia * spin_now)
+    np.testing.assert_allclose(momentum / spin, inertia * turn, atol=0.02)

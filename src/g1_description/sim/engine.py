@@ -338,7 +338,7 @@ class Engine(ABC):
             self._moving.stop()
 
     def _speeds(self) -> Sequence[float]:
-        """Return the largest speed after each of the last steps."""
+        """Return the largest speed after each of the last steps that matter to rest."""
         return [self._moving.speed]
 
     @abstractmethod

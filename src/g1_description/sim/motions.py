@@ -273,10 +273,13 @@ class Motions:
         """Record that the present state is published."""
         self._is_shown = True
 
-    def measure(self, times_ns: np.ndarray) -> None:
-        """Compare the models with their motions after steps, at times in [ns]."""
+    def measure(self, time_ns: int, count: int) -> None:
+        """Compare the models with their motions after steps, as of ``step``."""
+        if not self._trackers:
+            return
+        times_ns = time_ns + self._engine.properties.step_ns * np.arange(count)
         for playback, tracker in [*self._trackers.items()]:
-            steps = self._engine.last_steps(tracker.model, len(times_ns))
+            steps = self._engine.last_steps(tracker.model, count)
             if not tracker.measure(times_ns, steps):
                 self._tracked.append(tracker)
                 del self._trackers[playback]

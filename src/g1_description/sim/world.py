@@ -288,7 +288,7 @@ class World:
                 self.engine.update_models()
             else:
                 self.motions.step(first, count)
-        self.motions.measure(now + step_ns * np.arange(1, count + 1))
+        self.motions.measure(first, count)
         return count
 
     def _steady_steps(self) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -21,7 +22,7 @@ from g1_description.sim.engine import (
 )
 from g1_description.sim.meshes.shapes import Mesh, find_meshes
 from g1_description.sim.model import Model, States
-from g1_description.sim.moving_models import MovingModels
+from g1_description.sim.moving_models import REST_SPEED, MovingModels
 from g1_description.sim.mujoco.drives import JointRows, MujocoDrives
 from g1_description.sim.mujoco.mjcf import WorldFile
 
@@ -33,6 +34,14 @@ IMPEDANCE = (0.99, 0.999, 0.001, 0.5, 2.0)
 
 FRICTION_RATIO = 10.0
 """MuJoCo's ``impratio``: how much harder friction is than contacts, against slip."""
+
+MAX_SPIN = 0.03
+"""Largest turn of a free body per step, in [rad], that ``implicitfast`` integrates as
+well as ``implicit``, to 3 % in a second. It diverges from three times that on."""
+
+HIT_SPEED = 1.0
+"""Speed in [m/s] or [rad/s] below which nothing that hits another thing overlaps it
+deeply."""
 
 MAX_SPEED = 1e6
 """Speed in [m/s] or [rad/s] that no robot has: above it, a step has failed."""
@@ -88,6 +97,7 @@ class MujocoEngine(Engine):
         super().__init__(physics, properties, motors)
         self._models: dict[str, tuple[Model, Mapping[str, Mesh]]] = {}
         self._is_compiled = False
+        self._may_overlap = True
         self._steps: _Steps | None = None
         self._forces: list[tuple[Model, str, np.ndarray]] = []
         self._joint_efforts: list[tuple[Model, int, float]] = []
@@ -157,9 +167,13 @@ class MujocoEngine(Engine):
             name: _Rows(model, bodies[name], file, self._model)
             for name, (model, _) in self._models.items()
         }
+        self._may_overlap = True
         self._steps = None
         self._geoms = file.geoms
         self._restitutions = np.array(file.restitutions)
+        free = self._model.jnt_type == mujoco.mjtJoint.mjJNT_FREE
+        dofs = self._model.jnt_dofadr[free][:, np.newaxis]
+        self._spins = (dofs + np.array([3, 4, 5])).ravel()
         self._is_compiled = True
         self._write_properties()
         self._write_drives()
@@ -185,12 +199,14 @@ class MujocoEngine(Engine):
             self._write_properties()
 
     def _write_properties(self) -> None:
+        self._may_overlap = True
         properties, option = self.properties, self._model.opt
         step = properties.time_step or PhysicsProperties.time_step
         option.timestep = step
         option.gravity[:] = properties.gravity
         option.iterations = max(1, properties.sor_pgs_iters)
-        option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        self._spin_speed = MAX_SPIN / step
+        self._choose_integrator()
         option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
         option.impratio = FRICTION_RATIO
         option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
@@ -215,6 +231,7 @@ class MujocoEngine(Engine):
 
     def write(self, model: Model) -> None:
         """Write roots and joints of a model; motor targets stay."""
+        self._may_overlap = True
         if self._changed(model) is not None:
             self._write(model)
 
@@ -240,6 +257,7 @@ class MujocoEngine(Engine):
 
     def write_joints(self, model: Model, rows: Iterable[int]) -> None:
         """Write some joints of a model."""
+        self._may_overlap = True
         found, own = self._changed(model), np.array([*rows], dtype=int)
         if found is not None:
             self._data.qpos[found.position[own]] = model.position[own]
@@ -320,13 +338,17 @@ class MujocoEngine(Engine):
         qpos, qvel, of_springs = data.qpos, data.qvel, data.actuator_force
         positions, velocities = np.zeros((count, model.nq)), np.zeros((count, model.nv))
         friction, springs = [], np.zeros((count, model.nu))
-        last = qpos.copy()
+        last, speed = qpos.copy(), math.sqrt(qvel.dot(qvel))
         for step in range(count):
+            if speed > self._spin_speed or self._is_spinning:
+                self._choose_integrator()
             mujoco.mj_step1(model, data)
             joints.apply(step)
-            self._slow_separation()
+            if self._may_overlap or speed > HIT_SPEED:
+                self._slow_separation()
             mujoco.mj_step2(model, data)
-            if not qvel @ qvel <= MAX_SPEED**2:  # also where it is NaN
+            speed = math.sqrt(qvel.dot(qvel))
+            if not speed <= MAX_SPEED:  # also where it is NaN
                 self._restore(last)
             positions[step], velocities[step], last = qpos, qvel, positions[step]
             friction.append(data.efc_force[: data.nf].copy())
@@ -336,6 +358,17 @@ class MujocoEngine(Engine):
         by_dof = np.zeros((count, model.nv))
         by_dof[:, data.efc_id[: data.nf]] = friction
         self._steps = _Steps(positions, velocities, by_dof, springs)
+
+    def _choose_integrator(self) -> None:
+        """Take the slower integrator while a free body spins fast."""
+        spins = np.abs(self._data.qvel[self._spins])
+        self._is_spinning = bool((spins > self._spin_speed).any())
+        integrators = mujoco.mjtIntegrator
+        self._model.opt.integrator = (
+            integrators.mjINT_IMPLICIT
+            if self._is_spinning
+            else integrators.mjINT_IMPLICITFAST
+        )
 
     def _restore(self, positions: np.ndarray) -> None:
         """Put all models at rest where they were before a step that failed."""
@@ -362,12 +395,14 @@ class MujocoEngine(Engine):
         self._joint_efforts.clear()
 
     def _slow_separation(self) -> None:
-        """Bound the speed at which contacts push overlapping links apart."""
+        """Bound the speed at which contacts push overlapping links apart.
+
+        Only models that were placed or are fast overlap deeply.
+        """
         data = self._data
-        if not data.ncon:
-            return
         rows = slice(data.nf + data.nl, None)
-        if not data.efc_pos[rows].min(initial=0.0) < -self._slow_depth:
+        self._may_overlap = bool((data.efc_pos[rows] < -self._slow_depth).any())
+        if not self._may_overlap:
             return
         stiffness, damping, impedance, _ = data.efc_KBIP[rows].T
         depth = data.efc_margin[rows] - data.efc_pos[rows]
@@ -392,10 +427,13 @@ class MujocoEngine(Engine):
         return np.minimum(np.maximum(efforts, -drives.limits), drives.limits)
 
     def _speeds(self) -> Sequence[float]:
-        """Return the largest speed after each of the last steps."""
+        """Return the largest speed after each step that can end or begin a rest."""
         assert self._steps is not None, "there was a step"
-        speeds = np.abs(self._steps.velocities).max(axis=1, initial=0.0)
-        return list(map(float, speeds))
+        velocities = self._steps.velocities
+        if (np.abs(velocities[-1]) > REST_SPEED).any():
+            velocities = velocities[-1:]  # whatever was before
+        speeds: list[float] = np.abs(velocities).max(axis=1, initial=0.0).tolist()
+        return speeds
 
     def last_steps(self, model: Model, count: int) -> Steps:
         """Return a model after and in the last steps."""
