@@ -5,8 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from worlds import OUR_G1
 
 from g1_description.motion.motors import Motors, PdMotor, ServoMotor
+from g1_description.robot.kinematics import Kinematics
 from g1_description.sim.drives import PdCommand
 
 pytestmark = pytest.mark.both_engines
@@ -197,3 +199,23 @@ def test_a_step_that_fails_is_undone_and_told_once(make_world, engine):
         assert world.engine.take_failure() == ""
     world.run(0.1)
     assert model.position[0] == pytest.approx(0.5, abs=1e-3)
+
+
+@pytest.mark.parametrize("fixed", [False, True])
+def test_links_are_where_kinematics_puts_them(make_world, fixed):
+    """Among other models, while all of them move."""
+    world = make_world("limp")
+    for name in ("other", "g1"):
+        world.spawn_urdf(name, OUR_G1, TILTED, fixed)
+        world.put(name, TILTED + 0.1 * len(name) * np.eye(7)[0], np.ones(6))
+    world.run(0.05)
+    model = world.model("g1")
+    robot = model.assembly.description
+    state = model.root_poses, model.position, model.root_twists, model.velocity
+    poses, twists = Kinematics(robot).link_states(*state)
+    rows = [robot.link_names.index(name) for name in model.link_names]
+    turns = np.sign((poses[rows, 3:] * model.poses[:, 3:]).sum(axis=1))
+    expected = poses[rows] * np.c_[np.ones((len(rows), 3)), np.tile(turns, (4, 1)).T]
+    np.testing.assert_allclose(model.poses, expected, atol=1e-12)
+    np.testing.assert_allclose(model.twists, twists[rows], atol=1e-11)
+    assert np.abs(model.velocity).max() > 0.1

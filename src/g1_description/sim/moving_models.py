@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Callable, Tuple
+from typing import Callable, Optional, Tuple
 
 import numpy as np
 
@@ -24,9 +24,10 @@ REST_TIME = 0.1
 turning point is slower than REST_SPEED for less."""
 
 
-Read = Callable[[], Tuple[States, States]]
+Read = Callable[[], Tuple[States, States, Optional[Callable[[], States]]]]
 """Reads poses, shape (n_trees, 7), and twists, shape (n_trees, 6), of all roots, and
-positions and velocities, shape (n_joints,), of all joints from an engine."""
+positions and velocities, shape (n_joints,), of all joints from an engine; also a
+function that computes those of all links then, if the engine has a faster one."""
 
 
 class MovingModels:
@@ -48,23 +49,28 @@ class MovingModels:
         self._links = _slices([len(model.link_names) for model in models])
         self._speeds = np.zeros(1)
         self._measured: list[tuple[States, States, Callable[[], States]]] = []
-        if models:
-            forest, self._of_forest = _joined(models)
+        self._kinematics: Kinematics | None = None
+
+    def _link_states(self, state: Sequence[States]) -> States:
+        """Compute poses and twists of all links."""
+        if self._kinematics is None:
+            forest, self._of_forest = _joined(self._models)
             self._kinematics = Kinematics(forest)
+        (roots, root_twists), (position, velocity) = state
+        found = self._kinematics.link_states(roots, position, root_twists, velocity)
+        return found[0][self._of_forest], found[1][self._of_forest]
 
     def read(self) -> None:
         """Read the state of all models; ``update_models`` applies it."""
         if not self._models:
             return
-        (roots, root_twists), (position, velocity) = self._read()
+        *state, compute = self._read()
+        (roots, root_twists), (position, velocity) = state
         states: list[States] = []
 
         def links(rows: slice) -> States:
             if not states:  # computed on the first access
-                found = self._kinematics.link_states(
-                    roots, position, root_twists, velocity
-                )
-                states.append((found[0][self._of_forest], found[1][self._of_forest]))
+                states.append(compute() if compute else self._link_states(state))
             poses, twists = states[0]
             return poses[rows], twists[rows]
 

@@ -367,7 +367,7 @@ def _moving_models(
     ]
     rows = np.concatenate([np.zeros(0, dtype=int), *(rows for _, rows in jointed)])
 
-    def read() -> tuple[States, States]:
+    def read() -> tuple[States, States, None]:
         roots = np.concatenate([model.root_poses for model in first])
         root_twists = np.zeros((len(roots), 6))
         if free:
@@ -383,6 +383,6 @@ def _moving_models(
             state[:2] for body, _ in jointed for state in body.joint_states()
         ] or np.zeros((0, 2))
         position, velocity = joints.T
-        return (roots, root_twists), (position, velocity)
+        return (roots, root_twists), (position, velocity), None
 
     return MovingModels(first, read)

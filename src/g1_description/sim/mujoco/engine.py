@@ -12,7 +12,7 @@ import numpy as np
 from g1_description.errors import DescriptionError, cause
 from g1_description.motion.motors import Motors
 from g1_description.robot.assembly import SCOPE
-from g1_description.robot.rotation import conjugate, cross, rotate, to_axes
+from g1_description.robot.rotation import conjugate, cross, rotate
 from g1_description.sim.engine import (
     FAILURE,
     MAX_STEPS,
@@ -21,10 +21,11 @@ from g1_description.sim.engine import (
     Steps,
 )
 from g1_description.sim.meshes.shapes import Mesh, find_meshes
-from g1_description.sim.model import Model, States
+from g1_description.sim.model import Model
 from g1_description.sim.moving_models import REST_SPEED, MovingModels
-from g1_description.sim.mujoco.drives import JointRows, MujocoDrives
+from g1_description.sim.mujoco.drives import MujocoDrives
 from g1_description.sim.mujoco.mjcf import WorldFile
+from g1_description.sim.mujoco.reading import XYZW, ModelRows, Reader
 
 MAX_DEPENETRATION_SPEED = 0.3
 """Largest speed at which overlapping links separate, in [m/s]."""
@@ -47,24 +48,6 @@ MAX_SPEED = 1e6
 """Speed in [m/s] or [rad/s] that no robot has: above it, a step has failed."""
 
 mujoco.set_mju_user_warning(lambda text: None)  # else it writes MUJOCO_LOG.TXT
-
-
-class _Rows(JointRows):
-    """Where a model is in MuJoCo's arrays."""
-
-    def __init__(
-        self, model: Model, bodies: Mapping[str, int], file: WorldFile, compiled: Any
-    ) -> None:
-        self.model = model
-        trees = model.assembly.description.trees
-        self.roots = [bodies[tree.root] for tree in trees]
-        self.centers = [file.centers[model.name, tree.root] for tree in trees]
-        self.bodies = bodies
-        joints = [
-            compiled.body_jntadr[bodies[joint.child]]
-            for joint in model.assembly.description.movable_joints
-        ]
-        super().__init__(compiled, np.array(joints, dtype=int))
 
 
 class _Steps(NamedTuple):
@@ -164,7 +147,7 @@ class MujocoEngine(Engine):
         for number, (model, link) in enumerate(file.links, 1):
             bodies.setdefault(model.name, {})[link] = number
         self._rows = {
-            name: _Rows(model, bodies[name], file, self._model)
+            name: ModelRows(model, bodies[name], file, self._model)
             for name, (model, _) in self._models.items()
         }
         self._may_overlap = True
@@ -182,7 +165,9 @@ class MujocoEngine(Engine):
             self._write(model)
             for name in model.ode_joints:
                 self.update_joint(model, name)
-        self._prepare_reading()
+        moving = [rows for rows in self._rows.values() if rows.can_move]
+        reader = Reader(self._model, self._data, moving)
+        self._moving = MovingModels([rows.model for rows in moving], reader.read)
 
     def _write_drives(self) -> None:
         """Write the drives of all joints."""
@@ -224,7 +209,7 @@ class MujocoEngine(Engine):
 
     # --- states ---
 
-    def _changed(self, model: Model) -> _Rows | None:
+    def _changed(self, model: Model) -> ModelRows | None:
         """Wake the world; return a model's rows if they can be written to."""
         self._rest.wake()
         return self._rows.get(model.name) if self._is_compiled else None
@@ -279,53 +264,6 @@ class MujocoEngine(Engine):
         """Set targets of motors for each of the next steps."""
         self._compile()
         self._joints.plan(self._rows[model.name].velocity[rows], path)
-
-    def _prepare_reading(self) -> None:
-        """Prepare to read the models that can move."""
-        moving = [
-            rows
-            for rows in self._rows.values()
-            if len(rows.position) or not all(tree.fixed for tree in rows.model.trees)
-        ]
-        models = [rows.model for rows in moving]
-        trees = [
-            each
-            for rows in moving
-            for each in zip(rows.model.trees, rows.roots, rows.centers)
-        ]
-        free = [row for row, (tree, _, _) in enumerate(trees) if not tree.fixed]
-        joints = self._model.body_jntadr[[trees[row][1] for row in free]]
-        centers = np.array([trees[row][2] for row in free])
-        spread = np.arange(7)
-        places = self._model.jnt_qposadr[joints][:, np.newaxis] + spread
-        speeds = self._model.jnt_dofadr[joints][:, np.newaxis] + spread[:6]
-        no_rows = np.zeros(0, dtype=int)
-        positions = np.concatenate([no_rows, *(rows.position for rows in moving)])
-        velocities = np.concatenate([no_rows, *(rows.velocity for rows in moving)])
-
-        # In the order of our poses: quaternions of MuJoCo begin with w.
-        places = places[:, [0, 1, 2, 4, 5, 6, 3]]
-
-        def read() -> tuple[States, States]:
-            qpos, qvel = self._data.qpos, self._data.qvel
-            poses, twists = qpos[places], qvel[speeds]
-            if free:
-                # Rotated together: each call of numpy costs more than one rotation.
-                pair = np.stack([twists[:, 3:], centers], axis=-1)
-                turned = to_axes(poses[:, 3:]) @ pair
-                angular, lever = turned[..., 0], turned[..., 1]
-                poses[:, :3] -= lever
-                twists[:, :3] -= cross(angular, lever)
-                twists[:, 3:] = angular
-            joints = qpos[positions], qvel[velocities]
-            if len(free) == len(trees):
-                return (poses, twists), joints
-            roots = np.concatenate([model.root_poses for model in models])
-            root_twists = np.zeros((len(roots), 6))
-            roots[free], root_twists[free] = poses, twists
-            return (roots, root_twists), joints
-
-        self._moving = MovingModels(models, read)
 
     # --- steps ---
 
@@ -443,8 +381,9 @@ class MujocoEngine(Engine):
         bases = np.repeat(model.root_poses[:1], count, axis=0)
         if not model.trees[0].fixed:
             joint = self._model.body_jntadr[rows.roots[0]]
-            at = self._model.jnt_qposadr[joint] + np.array([0, 1, 2, 4, 5, 6, 3])
-            bases = qpos[:, at]
+            at = self._model.jnt_qposadr[joint]
+            places, quaternions = qpos[:, at : at + 3], qpos[:, at + 3 : at + 7]
+            bases = np.concatenate([places, quaternions[:, XYZW]], axis=1)
             bases[:, :3] -= rotate(bases[:, 3:], rows.centers[0])
         efforts = self._efforts_in(self._steps, model)
         return Steps(qpos[:, rows.position], efforts, bases)
