@@ -202,16 +202,15 @@ class FallDetector:
             Shape (...).
         """
         up = self._up if desired is None else _up(desired)
-        cosines = (_up(base_poses) * up).sum(axis=-1)
-        fallen = cosines < math.cos(self._limits.lean)
+        cosines = sum(a * b for a, b in zip(_up(base_poses), up))
+        fallen = np.asarray(cosines < math.cos(self._limits.lean))
         if desired is not None:
             drop = desired[..., 2] - base_poses[..., 2] - self._offset
-            fallen |= drop > self._limits.drop
-        return np.asarray(fallen)
+            fallen = fallen | (drop > self._limits.drop)
+        return fallen
 
 
-def _up(poses: np.ndarray) -> np.ndarray:
-    """Compute the world's z axis in the base's own frame, shape (..., 3)."""
-    x, y, z, w = np.moveaxis(poses[..., 3:], -1, 0)
-    up = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
-    return np.stack(up, axis=-1)
+def _up(poses: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Compute the world's z axis in the base's own frame, each part of shape (n,)."""
+    x, y, z, w = poses.T[3:]
+    return 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)

@@ -319,8 +319,9 @@ class Engine(ABC):
 
     def last_steps(self, model: Model, count: int) -> Steps:
         """Return a model after and in the last steps, by default of one."""
-        one = model.position, self.efforts(model), model.root_poses[0]
-        return Steps(*(np.repeat(part[np.newaxis], count, axis=0) for part in one))
+        position, efforts = model.position[np.newaxis], self.efforts(model)[np.newaxis]
+        one = Steps(position, efforts, model.root_poses[:1])
+        return one if count == 1 else Steps(*(np.repeat(a, count, axis=0) for a in one))
 
     def take_failure(self) -> str:
         """Return a message on steps that failed since the last call; else empty."""

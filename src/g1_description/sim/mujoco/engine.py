@@ -61,6 +61,9 @@ class _Steps(NamedTuple):
     springs: np.ndarray
     """Forces of the actuators."""
 
+    read: dict[str, Steps]
+    """Those that were read, by model."""
+
 
 class MujocoEngine(Engine):
     """MuJoCo behind a world.
@@ -295,7 +298,7 @@ class MujocoEngine(Engine):
         data.qfrc_applied[:] = 0.0
         by_dof = np.zeros((count, model.nv))
         by_dof[:, data.efc_id[: data.nf]] = friction
-        self._steps = _Steps(positions, velocities, by_dof, springs)
+        self._steps = _Steps(positions, velocities, by_dof, springs, {})
 
     def _choose_integrator(self) -> None:
         """Take the slower integrator while a free body spins fast."""
@@ -377,6 +380,8 @@ class MujocoEngine(Engine):
         """Return a model after and in the last steps."""
         if self._rest.is_resting or not self._is_compiled or self._steps is None:
             return super().last_steps(model, count)
+        if model.name in self._steps.read:
+            return self._steps.read[model.name]
         rows, qpos = self._rows[model.name], self._steps.positions
         bases = np.repeat(model.root_poses[:1], count, axis=0)
         if not model.trees[0].fixed:
@@ -386,7 +391,9 @@ class MujocoEngine(Engine):
             bases = np.concatenate([places, quaternions[:, XYZW]], axis=1)
             bases[:, :3] -= rotate(bases[:, 3:], rows.centers[0])
         efforts = self._efforts_in(self._steps, model)
-        return Steps(qpos[:, rows.position], efforts, bases)
+        found = Steps(qpos[:, rows.position], efforts, bases)
+        self._steps.read[model.name] = found
+        return found
 
     def apply_wrench(self, model: Model, link: str, wrench: np.ndarray) -> None:
         """Apply a wrench to a link in the next step."""
