@@ -38,7 +38,7 @@ def tally(*commands):
     ("names", "positions", "accepted", "problem"),
     [
         (["knee"], [0.5], {"knee": 0.5}, None),
-        (["knee", "knee"], [0.5, 0.7], {"knee": 0.7}, None),
+        (["knee", "knee"], [0.5, 0.7], {"knee": 0.7}, "knee more than once"),
         (["knee"], [4.0], {"knee": 4.0}, None),
         (["knee", "tail"], [0.5, 1.0], {"knee": 0.5}, "unknown joint tail"),
         (["knee", "wheel"], [0.5], {"knee": 0.5}, "no position for wheel"),

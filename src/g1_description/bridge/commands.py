@@ -51,8 +51,8 @@ class CommandTally:
         self.clamped: Counter[str] = Counter()
         """Positions beyond the limits, by joint."""
         self.ignored: Counter[str] = Counter()
-        """Ignored positions, by the name in the command: unknown, without a position,
-        or with one that is not finite; '' for positions without a name."""
+        """Ignored positions, by the name in the command: unknown, given again, without
+        a position, or with one that is not finite; '' for positions without a name."""
         self.last_ignored: tuple[float, str] | None = None
         """When part of a command was last ignored, on the monotonic clock, and why."""
         self._last_clamped: dict[str, float] = {}
@@ -78,6 +78,8 @@ class CommandTally:
         for name, position in itertools.zip_longest(names, positions):
             joint = self._joints.get(name)
             if joint and position is not None and math.isfinite(position):
+                if name in accepted:
+                    self.ignored[name] += 1
                 accepted[name] = float(position)
                 limit = min(max(position, joint.lower), joint.upper)
                 if limit != position:
@@ -132,6 +134,9 @@ def _unpaired(names: Sequence[str], positions: Sequence[float]) -> Iterator[str]
     elif len(positions) > len(names):
         plural = "s" if len(names) > 1 else ""
         yield f"{len(positions)} positions for {len(names)} name{plural}"
+    repeated = [name for name, count in Counter(names).items() if count > 1]
+    if repeated:
+        yield f"{listed(repeated)} more than once, where the last position applies"
 
 
 RETRY_PERIOD = 0.2
