@@ -69,6 +69,12 @@ EXTRAS = {
 
 EXTRAS["all"] = sorted(library for extra in EXTRAS.values() for library in extra)
 
+
+def not_older(libraries):
+    """Limit requirements to Pythons that this package runs on."""
+    return [line if ";" in line else f"{line}; {NOT_OLDER}" for line in libraries]
+
+
 BUILD = TemporaryDirectory()
 """Where pip builds. In the clone, an earlier build would be installed along with it."""
 
@@ -111,10 +117,8 @@ setup(
     maintainer=MANIFEST.findtext("maintainer"),
     maintainer_email=MANIFEST.find("maintainer").get("email"),
     python_requires=f">={OLDEST}",
-    install_requires=[
-        line if ";" in line else f"{line}; {NOT_OLDER}" for line in REQUIRES
-    ],
-    extras_require=EXTRAS,
+    install_requires=not_older(REQUIRES),
+    extras_require={name: not_older(extra) for name, extra in EXTRAS.items()},
     packages=find_packages("src"),
     package_dir={"": "src"},
     package_data={
