@@ -91,7 +91,7 @@ class CheckedRobot:
             and not len(self.ground.rows),
             "the robot has no mass": need in ("balance", "efforts")
             and not self.masses.total > 0.0,
-            "the base is free; --physics checks saturation": need == "efforts"
+            "the base is free; saturation, with --physics, checks it": need == "efforts"
             and not self.is_fixed,
             "no pair of links needs checking": need == "pairs"
             and not self.collisions.pairs,
