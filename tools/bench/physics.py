@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import copy
 import time
 from contextlib import closing
 from itertools import product
 
+import mujoco
 import numpy as np
 from g1_description.msg import MotorCommands, MotorStates
 from rosgraph_msgs.msg import Clock
@@ -18,6 +20,9 @@ from g1_description.sim.world import World
 from .graph import Graph
 from .peer import Peer, stamp_of
 from tcpros import Service, body_of, packed
+
+STEPS = 5
+"""Between two states at the default rate of 200 Hz."""
 
 STANDING = np.array([0.0, 0.0, 0.793, 0.0, 0.0, 0.0, 1.0])
 SWUNG = ("left_shoulder_pitch_joint", "right_knee_joint")
@@ -32,8 +37,9 @@ CASES = {
 def physics(bench):
     """Steps of 1 ms with each engine, of the robot alone in its world.
 
-    Each figure of a step is the median of ten runs of 100 steps, the engines in turns;
-    without ROS, of one thread. How fast time passes is that of a node without a limit
+    Each figure of a step is the median of ten runs of 100 steps, the engines in turns,
+    as many steps together as between two states of the default rate; without ROS, of
+    one thread. How fast time passes is that of a node without a limit
     of speed, at the default rate of states and with one state per step, while a program
     listens to /clock. A check of physics simulates the package's squat. A controller
     sends motor_commands of all joints a thousand times a second to a robot that hangs,
@@ -44,12 +50,13 @@ def physics(bench):
         with bench.attempt(name):
             worlds = [_settled(bench, engine, *case) for engine in ENGINES]
             times = {engine: [] for engine in ENGINES}
-            for _, (engine, advance) in product(range(10), zip(ENGINES, worlds)):
+            for _, (engine, (_, advance)) in product(range(10), zip(ENGINES, worlds)):
                 begin = time.process_time()
                 advance(steps)
                 times[engine].append((time.process_time() - begin) / steps)
             for engine, found in times.items():
                 bench.add(f"{name}, {engine}", 1e3 * np.median(found), "ms per step")
+            bench.add(f"{name}, mj_step alone", 1e3 * _alone(worlds[1][0], steps), "ms")
     for engine in ENGINES:
         with bench.attempt(f"check --physics with {engine}"):
             _check(bench, engine)
@@ -62,7 +69,7 @@ def physics(bench):
 
 
 def _settled(bench, engine, physics, fixed, moved):
-    """Let the robot come to where its steps are measured; return what steps on."""
+    """Let the robot come to rest; return the world, and what steps it on."""
     begin = time.process_time()
     world = World(physics, engine=engine)
     assembly = lump_fixed_joints(bench.robot.description)
@@ -76,16 +83,29 @@ def _settled(bench, engine, physics, fixed, moved):
     rows = np.array(model.joint_rows(SWUNG))
 
     def advance(steps):
-        for _ in range(steps):
+        end_ns = world.time_ns + steps * world.properties.step_ns
+        while world.time_ns < end_ns:
             if moved:
                 turn = 0.3 * np.sin(3e-9 * world.time_ns)
                 world.engine.follow(model, rows, np.full(2, turn), np.zeros(2))
-            world.step()
             # Else it sleeps.
             world.engine.apply_effort(model, 0, 0.0)
+            world.advance(STEPS)
 
     advance(bench.length(4000, 1500))
-    return advance
+    return world, advance
+
+
+def _alone(world, steps):
+    """Measure MuJoCo's own step where a world is now, in [s]."""
+    model, times = world.engine._model, []
+    data = copy.copy(world.engine._data)
+    for _ in range(10):
+        begin = time.process_time()
+        for _ in range(steps):
+            mujoco.mj_step(model, data)
+        times.append((time.process_time() - begin) / steps)
+    return np.median(times)
 
 
 def _check(bench, engine):

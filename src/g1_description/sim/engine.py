@@ -488,8 +488,12 @@ def _unused(motors: Motors, model: Model) -> tuple[str, ...]:
 
 
 def fastest_engine() -> str:
-    """Return the fastest engine whose library is installed; else the first one."""
-    return "mujoco" if find_spec("mujoco") else ENGINES[0]
+    """Return the fastest engine whose library is installed.
+
+    Without any it is MuJoCo, which has wheels for every Python.
+    """
+    only_bullet = find_spec("pybullet") and not find_spec("mujoco")
+    return "bullet" if only_bullet else "mujoco"
 
 
 def engine_class(name: str) -> type[Engine]:
