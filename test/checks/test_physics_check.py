@@ -105,8 +105,7 @@ def test_a_fall_is_a_failure_with_its_side_and_beginning(axis, reach, side, engi
     )
     assert found[2] == side
     assert 0.0 < float(found[1]) - float(found[3]) < 1.0
-    late = verdict.measured.played.times[-1] - fall.first_time
-    assert fall.first_time < 3.0 and 0.0 <= late < 0.005, "a row per 5 steps"
+    assert verdict.measured.played.times[-1] == fall.first_time < 3.0
 
 
 @pytest.mark.parametrize("engine", ENGINES)

@@ -346,9 +346,8 @@ def refusal_of_mujoco(monkeypatch):
 
 def test_an_engine_that_is_not_installed_is_told_with_what_to_do(monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
-    assert refusal_of_mujoco(monkeypatch).startswith(
-        "The engine mujoco needs mujoco; install it with: "
-    )
+    refusal = refusal_of_mujoco(monkeypatch)
+    assert refusal.startswith("The engine mujoco needs mujoco; install it ")
     with pytest.raises(UnknownNameError, match="'ode'; must be one of bullet, mujoco"):
         Conditions(engine="ode")
 

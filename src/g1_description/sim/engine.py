@@ -147,6 +147,9 @@ class Steps(NamedTuple):
     positions: np.ndarray
     """Of the movable joints after each step, in [rad] or [m], shape (n, n_joints)."""
 
+    velocities: np.ndarray
+    """In [rad/s] or [m/s], of the same shape."""
+
     efforts: np.ndarray
     """Of the motors in each step, in [N m] or [N], shape (n, n_joints)."""
 
@@ -320,7 +323,8 @@ class Engine(ABC):
     def last_steps(self, model: Model, count: int) -> Steps:
         """Return a model after and in the last steps, by default of one."""
         position, efforts = model.position[np.newaxis], self.efforts(model)[np.newaxis]
-        one = Steps(position, efforts, model.root_poses[:1])
+        velocity = model.velocity[np.newaxis]
+        one = Steps(position, velocity, efforts, model.root_poses[:1])
         return one if count == 1 else Steps(*(np.repeat(a, count, axis=0) for a in one))
 
     def take_failure(self) -> str:

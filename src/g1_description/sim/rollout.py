@@ -7,7 +7,7 @@ the simulator, in a world of its own: the result is deterministic.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 
@@ -21,9 +21,9 @@ from g1_description.robot.assembly import Assembly
 from g1_description.robot.description import Description
 from g1_description.robot.lumping import lump_fixed_joints
 from g1_description.robot.transform import IDENTITY, compose, inverse
-from g1_description.sim.engine import PhysicsProperties, engine_class
+from g1_description.sim.engine import MAX_STEPS, PhysicsProperties, Steps, engine_class
 from g1_description.sim.model import Model
-from g1_description.sim.motions import WATCH_TIME, MotionTracker
+from g1_description.sim.motions import LIMIT_TOLERANCE, WATCH_TIME, MotionTracker
 from g1_description.sim.standing import hanging_height, standing_height
 from g1_description.sim.world import World
 
@@ -169,52 +169,85 @@ def rollout(
         left_out = world.spawn(robot.name, assembly, pose, under.fixed_base)
         model = world.model(robot.name)
         played = _complete(model, motion)
-        start_ns = world.time_ns - round(1e9 * float(played.times[0]))
+        begin, step = float(played.times[0]), world.properties.time_step
+        start_ns = world.time_ns - round(1e9 * begin)
         world.motions.play(model, played, start_ns)
         end_ns = start_ns + round(1e9 * played.end)
         n_steps, stride = _steps(end_ns - world.time_ns, under)
+        together = stride * max(1, MAX_STEPS // stride)
         rows: list[np.ndarray] = []
         tracker: MotionTracker | None = None
-        since: list[np.ndarray] = []
+        since: list[Steps] = []
         number = 0
         while number < n_steps and not (tracker and tracker.has_fallen):
-            count = world.advance(min(stride - number % stride, n_steps - number))
+            most = min(together - number % together, n_steps - number)
+            count = world.advance(most)
             number += count
             tracker = tracker or world.motions.tracker(model)
             assert tracker is not None, "a motion in hold is tracked"
-            since.extend(world.engine.last_steps(model, count).efforts)
-            if tracker.has_fallen or number % stride == 0:
-                time = 1e-9 * (world.time_ns - start_ns)
-                joints = model.target, model.position, model.velocity
-                efforts, since = (since[-1], np.mean(since, axis=0)), []
-                rows.append(
-                    np.concatenate([[time], *joints, *efforts, model.root_poses[0]])
-                )
+            since.append(world.engine.last_steps(model, count))
+            if count == most or tracker.has_fallen:
+                fall = tracker.report.fall_time
+                end = n_steps if fall is None else round((fall - begin) / step)
+                rows.append(_rows(since, stride, number, end))
+                since = []
                 if on_progress:
                     on_progress(number / n_steps)
         assert tracker is not None  # there is at least one step
-        widths = [1, *5 * [len(model.joint_names)], 7]
-        columns = np.split(np.array(rows), np.cumsum(widths)[:-1], axis=1)
-        times, desired, positions, velocities, *applied, bases = map(np.array, columns)
-        desired_bases = sample(played, times[:, 0]).base_poses
+        widths = [1, *4 * [len(model.joint_names)], 7]
+        columns = np.split(np.concatenate(rows), np.cumsum(widths)[:-1], axis=1)
+        numbers, positions, velocities, efforts, mean_efforts, bases = columns
+        times = begin + step * numbers[:, 0]
+        at_times = sample(played, times)
+        desired = np.minimum(
+            np.maximum(at_times.positions, model.lower - LIMIT_TOLERANCE),
+            model.upper + LIMIT_TOLERANCE,
+        )
+        desired_bases = at_times.base_poses
         if desired_bases is not None:
             desired_bases = desired_bases + lift * np.eye(7)[2]
         return Rollout(
             report=tracker.report,
             joint_names=model.joint_names,
             effort_limits=world.engine.effort_limits(model),
-            times=times[:, 0],
+            times=times,
             desired=desired,
             positions=positions,
             velocities=velocities,
-            efforts=applied[0],
-            mean_efforts=applied[1],
+            efforts=efforts,
+            mean_efforts=mean_efforts,
             base_poses=bases,
             desired_base_poses=desired_bases,
             lift=lift,
             left_out=left_out,
             engine=under.engine,
         )
+
+
+def _rows(parts: Sequence[Steps], stride: int, last: int, end: int) -> np.ndarray:
+    """Take every n-th step, and the last one.
+
+    Args:
+        parts: The steps.
+        stride: Number of steps per row.
+        last: Number of the last step.
+        end: Number of the last one to take.
+
+    Returns:
+        Numbers of the steps, positions, velocities, efforts, their means since the
+        row before, and base poses, shape (n, n_columns).
+    """
+    steps = Steps(*map(np.concatenate, zip(*parts)))
+    first = last - len(steps.positions)
+    count = min(last, end) - first
+    begins = np.arange(0, count, stride)
+    ends = np.append(begins[1:], count)
+    means = (
+        np.add.reduceat(steps.efforts[:count], begins) / (ends - begins)[:, np.newaxis]
+    )
+    positions, velocities, efforts, bases = (part[ends - 1] for part in steps)
+    numbers = (first + ends)[:, np.newaxis]
+    return np.hstack([numbers, positions, velocities, efforts, means, bases])
 
 
 def _unlimited(

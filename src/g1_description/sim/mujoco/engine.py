@@ -391,7 +391,8 @@ class MujocoEngine(Engine):
             bases = np.concatenate([places, quaternions[:, XYZW]], axis=1)
             bases[:, :3] -= rotate(bases[:, 3:], rows.centers[0])
         efforts = self._efforts_in(self._steps, model)
-        found = Steps(qpos[:, rows.position], efforts, bases)
+        velocities = self._steps.velocities[:, rows.velocity]
+        found = Steps(qpos[:, rows.position], velocities, efforts, bases)
         self._steps.read[model.name] = found
         return found
 
