@@ -343,6 +343,8 @@ def test_a_file_without_a_motion_is_refused_in_a_sentence_and_at_once(g1, file, 
 def test_a_table_by_the_name_of_another_format_is_refused(g1, file, name, words):
     with pytest.raises(MotionError, match=words):
         read_motion(file("time,left_elbow_joint\n0,0\n", name), g1)
+    with pytest.raises(MotionError, match=f"{name}: The file is empty"):
+        read_motion(file("", name), g1)
 
 
 @pytest.mark.parametrize("prefix", ["", "pelvis_"])

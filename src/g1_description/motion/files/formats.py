@@ -130,6 +130,8 @@ def read_source(source: MotionSource, robot: Description, fits: bool = True) -> 
     """
     errors: dict[str, MotionError] = {}
     try:
+        if not (source.head or source.is_folder):
+            raise MotionError("The file is empty.")
         for own in _formats(source):
             try:
                 motion = _read(source, own, robot, fits)
