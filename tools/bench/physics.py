@@ -39,11 +39,12 @@ def physics(bench):
 
     Each figure of a step is the median of ten runs of 100 steps, the engines in turns,
     as many steps together as between two states of the default rate; without ROS, of
-    one thread. How fast time passes is that of a node without a limit
-    of speed, at the default rate of states and with one state per step, while a program
-    listens to /clock. A check of physics simulates the package's squat. A controller
-    sends motor_commands of all joints a thousand times a second to a robot that hangs,
-    with a state per step, in real time.
+    one thread. How fast time passes is that of a node without a limit of speed, at the
+    default rate of states and with one state per step, while a program listens to
+    /clock; get_link_state is called at the usual speed, each time through a new
+    connection. A check of physics simulates the package's squat. A controller sends
+    motor_commands of all joints a thousand times a second to a robot that hangs, with a
+    state per step, in real time.
     """
     steps = bench.length(100, 20)
     for name, case in CASES.items():
@@ -136,6 +137,17 @@ def _in_a_node(bench, engine, rate):
         bench.add(f"lying, {engine}, rate:={rate}", factor, "x real time")
         memory = node.memory("VmHWM")
         bench.add(f"memory, {engine}, rate:={rate}", memory, "MB")
+        with closing(Service("/gazebo/set_real_time_factor")) as service:
+            service(1.0)
+        peer.serve(time.monotonic() + 1.0)
+        waits = []
+        for _ in range(bench.length(200, 20)):
+            begin = time.monotonic()
+            with closing(Service("/gazebo/get_link_state")) as service:
+                service("g1_robot::pelvis", "")
+            waits.append(time.monotonic() - begin)
+        wait = 1e3 * np.median(waits)
+        bench.add(f"get_link_state, {engine}, rate:={rate}", wait, "ms")
 
 
 def _controlled(bench, engine):
