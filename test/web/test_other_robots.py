@@ -124,7 +124,7 @@ def test_the_command_check_says_nothing_of_the_g1(tmp_path):
     robot = Robot(stranger)
     file = tmp_path / "stand.csv"
     robot.write_motion(file, standing(robot))
-    command = "import sys; from g1_description.cli.check import main; sys.exit(main())"
+    command = "from g1_description.cli.start import run; run('check')"
     run = subprocess.run(
         [
             sys.executable,

@@ -237,7 +237,7 @@ def test_nothing_is_printed_even_if_nobody_closes_it():
 def test_what_is_not_installed_is_named_when_the_page_opens(monkeypatch, missing):
     monkeypatch.setitem(sys.modules, missing, None)
     with pytest.raises(
-        PageServerError, match=f"needs {missing.split('.')[0]}; install it with: "
+        PageServerError, match=f"needs {missing.split('.')[0]}; install it "
     ):
         PageServer(ServerOptions(port=0))
 
