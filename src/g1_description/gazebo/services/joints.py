@@ -192,8 +192,8 @@ def drive(simulation: Simulation, message: MotorCommands) -> None:
     world, name = simulation.world, message.model_name
     model = world.model(name)
     names = message.joint_names
-    twice = sorted({joint for joint in names if names.count(joint) > 1})
-    if twice:
+    if len({*names}) < len(names):
+        twice = sorted({joint for joint in names if names.count(joint) > 1})
         raise InvalidValueError(f"joint_names has {listed(twice)} more than once")
     lists = {field: getattr(message, field) for field in COMMAND_FIELDS}
     for field, numbers in lists.items():

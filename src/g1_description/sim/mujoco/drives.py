@@ -64,17 +64,20 @@ class MujocoDrives:
     def update(self, drives: Drives, rows: JointRows) -> None:
         """Apply the present drives of a model."""
         model, dofs, is_servo = self._model, rows.velocity, drives.is_servo
-        self._is_servo[dofs] = is_servo
-        friction = np.where(is_servo, drives.limits, drives.friction)
-        model.dof_frictionloss[dofs] = friction
-        model.dof_damping[dofs] = np.where(is_servo, 0.0, drives.joint_damping)
         springs = np.stack([drives.feedforward, drives.stiffness, drives.damping])
         self._springs[:, rows.actuators] = np.where(is_servo, 0.0, springs)
         self._has_springs = bool(self._springs.any())
         model.actuator_biasprm[rows.actuators] = 0.0
         self._data.ctrl[rows.actuators] = 0.0
-        self._find_servos()
+        model.dof_damping[dofs] = np.where(is_servo, 0.0, drives.joint_damping)
         self.set_targets(drives, rows)
+        friction = np.where(is_servo, drives.limits, drives.friction)
+        is_same = (self._is_servo[dofs] == is_servo).all()
+        if is_same and (model.dof_frictionloss[dofs] == friction).all():
+            return
+        self._is_servo[dofs] = is_servo
+        model.dof_frictionloss[dofs] = friction
+        self._find_servos()
 
     def _find_servos(self) -> None:
         """Find the servos among the constraints: one for each joint with friction."""
