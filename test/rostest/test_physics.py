@@ -198,7 +198,8 @@ class TestPhysics(unittest.TestCase):
         motion = RobotTrajectory()
         trajectory = motion.joint_trajectory
         trajectory.joint_names = ["left_wrist_roll_joint"]
-        for begin, told in ((0.5, ""), (0.0, "left_wrist_roll_joint is 0.50 rad away")):
+        jump = r"left_wrist_roll_joint is 0\.(4[5-9]|50) rad away"
+        for begin, told in ((0.5, ""), (0.0, jump)):
             trajectory.points = [
                 JointTrajectoryPoint(
                     positions=[position], time_from_start=rospy.Duration(begin + time)
@@ -210,7 +211,8 @@ class TestPhysics(unittest.TestCase):
             answer = play(motion)
             self.assertTrue(answer.success)
             self.assertEqual("away from it" in answer.status_message, bool(told))
-            self.assertIn(told, answer.status_message)
+            if told:
+                self.assertRegex(answer.status_message, told)
 
     def wait_for_wrist(self, wanted):
         self.states.clear()
