@@ -146,7 +146,7 @@ class Playback:
             The setpoints, with the times as a first axis.
         """
         ahead, index = self._ahead, AHEAD
-        if ahead is not None and ahead[1] == step_ns:
+        if ahead is not None and ahead[1] == step_ns > 0:
             index, rest = divmod(time_ns - ahead[0], step_ns)
             index = AHEAD if rest else index
         if ahead is None or not 0 <= index <= AHEAD - count:

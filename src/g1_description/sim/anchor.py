@@ -164,6 +164,9 @@ class Anchors:
         else:
             self._anchors[model] = Anchor(model, name)
 
+    def __bool__(self) -> bool:
+        return bool(self._anchors)
+
     def hold(self, model: Model) -> None:
         """Move the base of a model so that its anchor stays, after joints moved."""
         if model in self._anchors:

@@ -182,7 +182,7 @@ class Motions:
         for playback in playlist.moving() if playlist else ():
             stopped = np.intersect1d(playback.rows, np.array(rows, dtype=int))
             base = playback.moves_base and not names
-            still = model.target[[stopped]], np.zeros((1, len(stopped)))
+            still = model.target[np.newaxis, stopped], np.zeros((1, len(stopped)))
             root = (model.root_poses[:1], np.zeros((1, 6))) if base else ()
             self._set(model, Setpoint(stopped, *still, *root))
         if not names and self._engine.is_dynamic:

@@ -294,12 +294,14 @@ class World:
     def _steady_steps(self) -> int:
         """Count the steps that can be computed together."""
         now, step_ns = self.time_ns, self.properties.step_ns
+        # Where an anchor is depends on the way there.
+        if not step_ns or self.gantries or (self.anchors and self.motions):
+            return 1
         steps = [MAX_STEPS, self.motions.steady_steps(now)]
         if self.is_dynamic:
             steps.append(self.forces.steady_steps(now, step_ns))
-            is_driven = self.motions or self.forces or self.gantries
-            if is_driven or not self.engine.is_resting:
-                steps.append(1 if self.gantries else self.engine.steady_steps())
+            if self.motions or self.forces or not self.engine.is_resting:
+                steps.append(self.engine.steady_steps())
         return int(min(steps))
 
     def set_joint_positions(self, name: str, positions: Mapping[str, float]) -> Report:

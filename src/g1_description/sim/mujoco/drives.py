@@ -98,6 +98,11 @@ class MujocoDrives:
         """Apply the targets of a model."""
         self._targets[:, rows.velocity] = drives.positions, drives.velocities
 
+    @property
+    def has_path(self) -> bool:
+        """Whether there are targets for each of the next steps."""
+        return self._path is not None
+
     def plan(self, dofs: np.ndarray, path: np.ndarray) -> None:
         """Set targets for each of the next steps.
 

@@ -274,6 +274,7 @@ class MujocoEngine(Engine):
         """Compute time steps."""
         self._compile()
         model, data, joints = self._model, self._data, self._joints
+        self._is_driven = bool(self._forces or self._joint_efforts or joints.has_path)
         self._apply_forces()
         joints.prepare(count, self.properties.time_step)
         qpos, qvel, of_springs = data.qpos, data.qvel, data.actuator_force
@@ -291,6 +292,7 @@ class MujocoEngine(Engine):
             speed = math.sqrt(qvel.dot(qvel))
             if not speed <= MAX_SPEED:  # also where it is NaN
                 self._restore(last)
+                speed = 0.0
             positions[step], velocities[step], last = qpos, qvel, positions[step]
             friction.append(data.efc_force[: data.nf].copy())
             springs[step] = of_springs
@@ -314,6 +316,7 @@ class MujocoEngine(Engine):
     def _restore(self, positions: np.ndarray) -> None:
         """Put all models at rest where they were before a step that failed."""
         data = self._data
+        self._may_overlap = True
         data.qpos[:] = positions
         for name in ("qvel", "qacc", "qacc_warmstart", "actuator_force", "efc_force"):
             getattr(data, name)[:] = 0.0
@@ -356,7 +359,8 @@ class MujocoEngine(Engine):
 
     def efforts(self, model: Model) -> np.ndarray:
         """Read the efforts of motors in the last step."""
-        if not self._is_compiled or self._steps is None:
+        is_known = self._is_compiled and model.name in self._drives
+        if not is_known or self._steps is None:
             return np.zeros(len(model.joint_names))
         return self._efforts_in(self._steps, model)[-1]
 
@@ -371,8 +375,8 @@ class MujocoEngine(Engine):
         """Return the largest speed after each step that can end or begin a rest."""
         assert self._steps is not None, "there was a step"
         velocities = self._steps.velocities
-        if (np.abs(velocities[-1]) > REST_SPEED).any():
-            velocities = velocities[-1:]  # whatever was before
+        if self._is_driven or (np.abs(velocities[-1]) > REST_SPEED).any():
+            velocities = velocities[-1:]  # each step before woke the world
         speeds: list[float] = np.abs(velocities).max(axis=1, initial=0.0).tolist()
         return speeds
 
