@@ -71,7 +71,7 @@ class Playback:
         self.is_single = len(motion.times) == 1
         """Whether it is a single configuration."""
         self._motion = motion
-        self._sampled_ns = 0
+        self._sampled_ns = self._step_ns = 0
         self._ahead: tuple[int, int, Sample] | None = None
         """Time of the first of several configurations and their step, in [ns], and
         them."""
@@ -131,8 +131,12 @@ class Playback:
 
     def setpoint(self, time_ns: int) -> Setpoint:
         """Sample it at a time in [ns]."""
-        step_ns, self._sampled_ns = max(1, time_ns - self._sampled_ns), time_ns
-        return self.setpoints(time_ns, step_ns, 1).at(0)
+        step_ns, self._sampled_ns = time_ns - self._sampled_ns, time_ns
+        is_steady, self._step_ns = step_ns == self._step_ns > 0, step_ns
+        if is_steady:
+            return self.setpoints(time_ns, step_ns, 1).at(0)
+        found = sample(self._motion, np.array([self._elapsed(time_ns)]))
+        return self._select(found, slice(0, 1)).at(0)
 
     def setpoints(self, time_ns: int, step_ns: int, count: int) -> Setpoint:
         """Sample it at several times.
@@ -154,7 +158,10 @@ class Playback:
             times = [self._elapsed(time_ns + step_ns * number) for number in numbers]
             ahead = time_ns, step_ns, sample(self._motion, np.array(times))
             self._ahead, index = ahead, 0
-        found, at = ahead[2], slice(index, index + count)
+        return self._select(ahead[2], slice(index, index + count))
+
+    def _select(self, found: Sample, at: slice) -> Setpoint:
+        """Select times of a sampled motion, and what it still moves."""
         columns = self._columns
         joints = found.positions[at, columns], found.velocities[at, columns]
         if not self.moves_base or found.base_poses is None:

@@ -435,7 +435,7 @@ class Engine(ABC):
 
     @abstractmethod
     def apply_wrench(self, model: Model, link: str, wrench: np.ndarray) -> None:
-        """Apply a wrench to a link in the next step.
+        """Apply a wrench to a link in the steps of the next ``advance``.
 
         Args:
             model: The model.
@@ -446,7 +446,7 @@ class Engine(ABC):
 
     @abstractmethod
     def apply_effort(self, model: Model, row: int, effort: float) -> None:
-        """Apply an effort to a movable joint in the next step, in [N m] or [N]."""
+        """Apply an effort, in [N m] or [N], to a joint in those steps, too."""
 
     def update_joint(self, model: Model, name: str) -> None:
         """Apply damping and stops of a joint in ``ode_joints``, if it is movable."""

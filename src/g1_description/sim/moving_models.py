@@ -47,7 +47,7 @@ class MovingModels:
         self._roots = _slices([len(model.trees) for model in models])
         self._joints = _slices([len(model.joint_names) for model in models])
         self._links = _slices([len(model.link_names) for model in models])
-        self._speeds = np.zeros(1)
+        self._rates: States = np.zeros((1, 6)), np.zeros(0)
         self._measured: list[tuple[States, States, Callable[[], States]]] = []
         self._kinematics: Kinematics | None = None
 
@@ -82,7 +82,7 @@ class MovingModels:
             )
             for root, joint, link in zip(self._roots, self._joints, self._links)
         ]
-        self._speeds = np.abs(np.concatenate([root_twists.ravel(), velocity]))
+        self._rates = root_twists, velocity
 
     def update_models(self) -> None:
         """Set the last read state of all models."""
@@ -92,7 +92,8 @@ class MovingModels:
     @property
     def speed(self) -> float:
         """Largest last read speed of a joint or a root, in [m/s] or [rad/s]."""
-        return float(self._speeds.max())
+        root_twists, velocity = self._rates
+        return float(np.abs(np.concatenate([root_twists.ravel(), velocity])).max())
 
     def stop(self) -> None:
         """Zero the velocities of all models without writing them to the engine."""

@@ -275,7 +275,7 @@ class World:
             Their number, at least 1.
         """
         now, step_ns = self.time_ns, self.properties.step_ns
-        count = max(1, min(most, self._steady_steps())) if most > 1 else 1
+        count = min(most, self._steady_steps()) if most > 1 else 1
         first, last = now + step_ns, now + step_ns * count
         if self.is_dynamic:
             self.motions.step(first, count)
