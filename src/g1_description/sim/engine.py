@@ -379,23 +379,10 @@ class Engine(ABC):
         drives = self._drives.get(model.name)
         if drives is None:
             return
-        is_driven, is_path = drives.is_driven, positions.ndim == 2
-        last = -1 if is_path else slice(None)
+        is_driven, last = drives.is_driven, -1 if positions.ndim == 2 else slice(None)
         drives.follow(rows, positions[last], velocities[last])
         update = self._update_drives if is_driven else self._update_targets
         update(model, rows)
-        if is_path and len(positions) > 1:
-            self._plan(model, rows, np.stack([positions, velocities]))
-
-    def _plan(self, model: Model, rows: np.ndarray, path: np.ndarray) -> None:
-        """Set targets of motors for each of the next steps, if there are several.
-
-        Args:
-            model: The model.
-            rows: Rows of its movable joints, shape (n,).
-            path: Positions and velocities, shape (2, n_steps, n).
-        """
-        raise NotImplementedError("one step is computed at a time")
 
     def drive(self, model: Model, rows: np.ndarray, command: PdCommand) -> None:
         """Let a controller drive movable joints, until they get targets again.

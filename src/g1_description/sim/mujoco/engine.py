@@ -50,11 +50,11 @@ MAX_SPEED = 1e6
 mujoco.set_mju_user_warning(lambda text: None)  # else it writes MUJOCO_LOG.TXT
 
 
-class _Steps(NamedTuple):
+class _Trace(NamedTuple):
     """Results of the last steps, which are the first axis."""
 
-    positions: np.ndarray
-    velocities: np.ndarray
+    qpos: np.ndarray
+    qvel: np.ndarray
     friction: np.ndarray
     """Of the joints, by degree of freedom; that of servos is their effort."""
 
@@ -84,7 +84,7 @@ class MujocoEngine(Engine):
         self._models: dict[str, tuple[Model, Mapping[str, Mesh]]] = {}
         self._is_compiled = False
         self._may_overlap = True
-        self._steps: _Steps | None = None
+        self._trace: _Trace | None = None
         self._forces: list[tuple[Model, str, np.ndarray]] = []
         self._joint_efforts: list[tuple[Model, int, float]] = []
 
@@ -154,7 +154,7 @@ class MujocoEngine(Engine):
             for name, (model, _) in self._models.items()
         }
         self._may_overlap = True
-        self._steps = None
+        self._trace = None
         self._geoms = file.geoms
         self._restitutions = np.array(file.restitutions)
         free = self._model.jnt_type == mujoco.mjtJoint.mjJNT_FREE
@@ -263,10 +263,19 @@ class MujocoEngine(Engine):
         if found is not None:
             self._joints.set_targets(self._drives[model.name], found)
 
-    def _plan(self, model: Model, rows: np.ndarray, path: np.ndarray) -> None:
-        """Set targets of motors for each of the next steps."""
-        self._compile()
-        self._joints.plan(self._rows[model.name].velocity[rows], path)
+    def follow(
+        self,
+        model: Model,
+        rows: np.ndarray,
+        positions: np.ndarray,
+        velocities: np.ndarray,
+    ) -> None:
+        """Set targets of a model's own motors, also for each of the next steps."""
+        super().follow(model, rows, positions, velocities)
+        if positions.ndim == 2 and len(positions) > 1 and model.name in self._drives:
+            self._compile()
+            path = np.stack([positions, velocities])
+            self._joints.plan(self._rows[model.name].velocity[rows], path)
 
     # --- steps ---
 
@@ -300,7 +309,7 @@ class MujocoEngine(Engine):
         data.qfrc_applied[:] = 0.0
         by_dof = np.zeros((count, model.nv))
         by_dof[:, data.efc_id[: data.nf]] = friction
-        self._steps = _Steps(positions, velocities, by_dof, springs, {})
+        self._trace = _Trace(positions, velocities, by_dof, springs, {})
 
     def _choose_integrator(self) -> None:
         """Take the slower integrator while a free body spins fast."""
@@ -360,11 +369,11 @@ class MujocoEngine(Engine):
     def efforts(self, model: Model) -> np.ndarray:
         """Read the efforts of motors in the last step."""
         is_known = self._is_compiled and model.name in self._drives
-        if not is_known or self._steps is None:
+        if not is_known or self._trace is None:
             return np.zeros(len(model.joint_names))
-        return self._efforts_in(self._steps, model)[-1]
+        return self._efforts_in(self._trace, model)[-1]
 
-    def _efforts_in(self, steps: _Steps, model: Model) -> np.ndarray:
+    def _efforts_in(self, steps: _Trace, model: Model) -> np.ndarray:
         """Compute the efforts of motors in steps, shape (n, n_joints)."""
         drives, rows = self._drives[model.name], self._rows[model.name]
         servos, springs = steps.friction[:, rows.velocity], steps.springs
@@ -373,8 +382,8 @@ class MujocoEngine(Engine):
 
     def _speeds(self) -> Sequence[float]:
         """Return the largest speed after each step that can end or begin a rest."""
-        assert self._steps is not None, "there was a step"
-        velocities = self._steps.velocities
+        assert self._trace is not None, "there was a step"
+        velocities = self._trace.qvel
         if self._is_driven or (np.abs(velocities[-1]) > REST_SPEED).any():
             velocities = velocities[-1:]  # each step before woke the world
         speeds: list[float] = np.abs(velocities).max(axis=1, initial=0.0).tolist()
@@ -382,11 +391,11 @@ class MujocoEngine(Engine):
 
     def last_steps(self, model: Model, count: int) -> Steps:
         """Return a model after and in the last steps."""
-        if self._rest.is_resting or not self._is_compiled or self._steps is None:
+        if self._rest.is_resting or not self._is_compiled or self._trace is None:
             return super().last_steps(model, count)
-        if model.name in self._steps.read:
-            return self._steps.read[model.name]
-        rows, qpos = self._rows[model.name], self._steps.positions
+        if model.name in self._trace.read:
+            return self._trace.read[model.name]
+        rows, qpos = self._rows[model.name], self._trace.qpos
         bases = np.repeat(model.root_poses[:1], count, axis=0)
         if not model.trees[0].fixed:
             joint = self._model.body_jntadr[rows.roots[0]]
@@ -394,10 +403,10 @@ class MujocoEngine(Engine):
             places, quaternions = qpos[:, at : at + 3], qpos[:, at + 3 : at + 7]
             bases = np.concatenate([places, quaternions[:, XYZW]], axis=1)
             bases[:, :3] -= rotate(bases[:, 3:], rows.centers[0])
-        efforts = self._efforts_in(self._steps, model)
-        velocities = self._steps.velocities[:, rows.velocity]
+        efforts = self._efforts_in(self._trace, model)
+        velocities = self._trace.qvel[:, rows.velocity]
         found = Steps(qpos[:, rows.position], velocities, efforts, bases)
-        self._steps.read[model.name] = found
+        self._trace.read[model.name] = found
         return found
 
     def apply_wrench(self, model: Model, link: str, wrench: np.ndarray) -> None:
