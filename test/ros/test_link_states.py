@@ -10,11 +10,13 @@ from hypothesis import strategies as st
 
 from g1_description.errors import WireFormatError
 from g1_description.robot.state import RobotState
+from g1_description.ros.conversions import COMMAND_FIELDS
 from g1_description.ros.wire import (
     JointStateEncoder,
     LinkStatesDecoder,
     LinkStatesEncoder,
     MotorArrays,
+    MotorCommandsArrays,
     encode_motors,
 )
 
@@ -204,3 +206,16 @@ def test_joint_states_are_counted_and_those_of_the_message_class():
         message.header.stamp.secs, message.header.stamp.nsecs = 10 * number, 7
         message.serialize(wanted)
         assert written.getvalue() == wanted.getvalue()
+
+
+def test_commands_to_motors_are_those_of_the_message_class():
+    messages = pytest.importorskip("g1_description.msg")
+    both = (["elbow", "gelenk_ä"], [0.5, -1.0]), (["elbow", "gelenk_ä"], [])
+    for names, numbers in (*both, both[0], (["knee"], [2.0]), ([], [])):
+        given = messages.MotorCommands("g1", names, numbers, [], numbers, [], numbers)
+        written = io.BytesIO()
+        given.serialize(written)
+        read = MotorCommandsArrays().deserialize(written.getvalue())
+        assert (read.model_name, read.joint_names) == ("g1", names)
+        for field in COMMAND_FIELDS:
+            assert getattr(read, field).tolist() == getattr(given, field)

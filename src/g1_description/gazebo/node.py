@@ -42,13 +42,14 @@ from g1_description.gazebo.services import world as worlds
 from g1_description.gazebo.services.base import RefusalError, Simulation, make_callback
 from g1_description.gazebo.topics import StateTopics, tracking_message
 from g1_description.motion.motors import Motors, named_motors, read_motors
-from g1_description.msg import ModelTrajectory, MotorCommands, TrackingReport
+from g1_description.msg import ModelTrajectory, TrackingReport
 from g1_description.robot.assembly import Assembly
 from g1_description.robot.profile import is_name
 from g1_description.ros.lifecycle import quiet_when_closing, start_node
 from g1_description.ros.log import SHORT_PERIOD, RosoutHandler
 from g1_description.ros.parameters import private_parameters, read_parameters
 from g1_description.ros.rospy_tcp import serve_as_roscpp
+from g1_description.ros.wire import MotorCommandsArrays
 from g1_description.sdf.world import EMPTY_WORLD, Sdf, read_sdf
 from g1_description.sim.engine import GRAVITY_AXES
 from g1_description.sim.world import World
@@ -114,16 +115,15 @@ class Calls:
         return handler
 
     def later_in_the_loop(self, act):
-        """Make a callback that queues a message, and blocks only if the queue is long.
+        """Make a callback that queues a message, and waits only if the queue is long.
 
         If it always blocked, messages would pile up in sockets on a busy machine.
         """
 
         def callback(message):
-            call: Future = Future()
-            call.add_done_callback(_log_failure)
+            call = Future() if self._queue.qsize() > MAX_PENDING else None
             self._queue.put((call, act, message))
-            if self._queue.qsize() > MAX_PENDING:
+            if call is not None:
                 with contextlib.suppress(CancelledError):
                     call.result()
 
@@ -142,9 +142,13 @@ class Calls:
             with self._lock:
                 result = answer(request)
         except BaseException as error:  # raised in the caller's thread
-            call.set_exception(error)
+            if call is None:
+                rospy.logerr("Internal error while handling a message: %r", error)
+            else:
+                call.set_exception(error)
         else:
-            call.set_result(result)
+            if call is not None:
+                call.set_result(result)
         return True
 
     def cancel(self) -> None:
@@ -152,12 +156,9 @@ class Calls:
         self._is_over = True
         with contextlib.suppress(queue.Empty):
             while True:
-                self._queue.get_nowait()[0].cancel()
-
-
-def _log_failure(call: Future) -> None:
-    if not call.cancelled() and call.exception() is not None:
-        rospy.logerr("Internal error while handling a message: %r", call.exception())
+                call = self._queue.get_nowait()[0]
+                if call is not None:
+                    call.cancel()
 
 
 MAX_WAIT = 0.1
@@ -193,7 +194,7 @@ class GazeboNode:
             ("~set_model_state", ModelState, models.put_model),
             ("~set_link_state", LinkState, links.put_link),
             ("~set_model_trajectory", ModelTrajectory, joints.play),
-            ("~motor_commands", MotorCommands, joints.drive),
+            ("~motor_commands", MotorCommandsArrays, joints.drive),
         ):
             # No message may be lost: they may be of different models.
             rospy.Subscriber(

@@ -17,8 +17,9 @@ from typing import BinaryIO, NamedTuple
 import numpy as np
 
 from g1_description.errors import WireFormatError
+from g1_description.msg import MotorCommands
 from g1_description.robot.state import RobotState
-from g1_description.ros.conversions import robot_state_to_message
+from g1_description.ros.conversions import COMMAND_FIELDS, robot_state_to_message
 
 _COUNT = struct.Struct("<I")
 _SEQ_AND_STAMP = struct.Struct("<III")
@@ -122,6 +123,28 @@ def encode_motors(time_ns: int, motors: MotorArrays) -> bytes:
 def _motor_head(model: str, names: tuple[str, ...]) -> bytes:
     """Encode an empty frame_id, and names."""
     return _written("") + _written(model) + _written_names(names)
+
+
+class MotorCommandsArrays(MotorCommands):
+    """MotorCommands with arrays; names are decoded again only if they change."""
+
+    _known: tuple[bytes, str, list[str]] = (b"", "", [])
+
+    def deserialize(self, data: bytes) -> MotorCommandsArrays:
+        """Decode one message; its numbers are views into ``data``."""
+        head, model, names = self._known
+        if not head or not data.startswith(head):
+            super().deserialize(data)
+            model, names = self.model_name, self.joint_names
+            head = _written(model) + _written_names(names)
+            type(self)._known = head, model, names
+        self.model_name, self.joint_names = model, names
+        offset = len(head)
+        for field in COMMAND_FIELDS:
+            count, begin = _read_count(data, offset)
+            setattr(self, field, np.frombuffer(data, _FLOAT, count, begin))
+            offset = begin + count * _FLOAT.itemsize
+        return self
 
 
 def _written(text: str) -> bytes:

@@ -27,7 +27,8 @@ from g1_description.robot.transform import compose
 from g1_description.sdf.world import EMPTY_WORLD, Light, Sdf, read_sdf
 from g1_description.sim.anchor import Anchors, Gantries
 from g1_description.sim.drives import PdCommand
-from g1_description.sim.engine import MAX_STEPS, PhysicsProperties, engine_class
+from g1_description.sim.engine import MAX_STEPS, PhysicsProperties
+from g1_description.sim.engines import engine_class
 from g1_description.sim.entities import (
     Entities,
     Entity,
@@ -354,10 +355,11 @@ class World:
         rows = [model.joint_row(name) for name in names]
         known = [number for number, row in enumerate(rows) if row is not None]
         own = np.array([rows[number] for number in known], dtype=int)
-        given = PdCommand(*(part[known] for part in command))
-        self.engine.drive(model, own, given)
-        has_target = given.stiffness > 0.0
-        model.commanded[own] = np.where(has_target, given.positions, np.nan)
+        if len(known) < len(rows):
+            command = PdCommand(*(part[known] for part in command))
+        self.engine.drive(model, own, command)
+        has_target = command.stiffness > 0.0
+        model.commanded[own] = np.where(has_target, command.positions, np.nan)
         self.motions.release(model, own.tolist())
         return [name for name, row in zip(names, rows) if row is None]
 

@@ -14,6 +14,7 @@ from gazebo_msgs.srv import (
     SetModelConfiguration,
 )
 
+from g1_description.bounds import MAX_VALUE
 from g1_description.errors import G1DescriptionError, InvalidValueError, MotionError
 from g1_description.gazebo.services.base import (
     RefusalError,
@@ -195,25 +196,26 @@ def drive(simulation: Simulation, message: MotorCommands) -> None:
     if len({*names}) < len(names):
         twice = sorted({joint for joint in names if names.count(joint) > 1})
         raise InvalidValueError(f"joint_names has {listed(twice)} more than once")
-    lists = {field: getattr(message, field) for field in COMMAND_FIELDS}
-    for field, numbers in lists.items():
-        if numbers and len(numbers) != len(names):
+    command = np.zeros((len(COMMAND_FIELDS), len(names)))
+    for row, field in enumerate(COMMAND_FIELDS):
+        numbers = getattr(message, field)
+        if len(numbers) not in (0, len(names)):
             raise InvalidValueError(
                 f"{field} must have a number for each of the {len(names)} joints (got "
                 f"{len(numbers)})"
             )
-    arrays = {
-        field: checked(field, numbers or np.zeros(len(names)))
-        for field, numbers in lists.items()
-    }
-    for field in ("kp", "kd"):
-        row = int(np.argmin(arrays[field])) if names else 0
-        if names and arrays[field][row] < 0.0:
+        if len(numbers):
+            command[row] = numbers
+    if not (np.abs(command) <= MAX_VALUE).all():
+        for field, numbers in zip(COMMAND_FIELDS, command):
+            checked(field, numbers)
+    given = PdCommand(*command)
+    for field, gains in (("kp", given.stiffness), ("kd", given.damping)):
+        for row in np.flatnonzero(gains < 0.0)[:1].tolist():
             raise InvalidValueError(
-                f"{field} of {names[row]} must not be negative (got "
-                f"{arrays[field][row]:g})"
+                f"{field} of {names[row]} must not be negative (got {gains[row]:g})"
             )
-    unknown = world.drive(model, names, PdCommand(*arrays.values()))
+    unknown = world.drive(model, names, given)
     if unknown:
         key = f"{name} motor_commands"
         text = f"ignored, no movable joint of {name}: {listed(unknown)}"

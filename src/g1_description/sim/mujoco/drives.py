@@ -64,11 +64,12 @@ class MujocoDrives:
     def update(self, drives: Drives, rows: JointRows) -> None:
         """Apply the present drives of a model."""
         model, dofs, is_servo = self._model, rows.velocity, drives.is_servo
-        springs = np.stack([drives.feedforward, drives.stiffness, drives.damping])
-        self._springs[:, rows.actuators] = np.where(is_servo, 0.0, springs)
+        springs = drives.feedforward, drives.stiffness, drives.damping
+        self._springs[:, rows.actuators] = springs  # zeros of servos
         self._has_springs = bool(self._springs.any())
-        model.actuator_biasprm[rows.actuators] = 0.0
-        self._data.ctrl[rows.actuators] = 0.0
+        if not self._has_springs:
+            model.actuator_biasprm[:] = 0.0
+            self._data.ctrl[:] = 0.0
         model.dof_damping[dofs] = np.where(is_servo, 0.0, drives.joint_damping)
         self.set_targets(drives, rows)
         friction = np.where(is_servo, drives.limits, drives.friction)
@@ -170,4 +171,4 @@ class MujocoDrives:
 
 def _for_steps(count: int, rows: np.ndarray) -> np.ndarray:
     """Repeat a row for each step, if there is one for all."""
-    return rows if len(rows) == count else np.repeat(rows, count, axis=0)
+    return np.repeat(rows, count, axis=0) if len(rows) == 1 else rows
