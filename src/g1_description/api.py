@@ -922,7 +922,7 @@ class Robot:
         if thresholds is None and visual_hulls and not (fixed_base or physics):
             return self._usual_checker
         from g1_description.checks.checker import Checker
-        from g1_description.sim.engine import fastest_engine
+        from g1_description.sim.engines import fastest_engine
         from g1_description.sim.rollout import Conditions
 
         conditions = None

@@ -15,23 +15,24 @@ from g1_description.motion.tolerances import Tolerances, worst_violation
 
 
 class Setpoint(NamedTuple):
-    """Joints and base of a motion at one time, or several as a first axis."""
+    """Joints and base of a motion at one time; at several, they are the first axis."""
 
     rows: np.ndarray
     """Indices of the robot's movable joints that it moves, shape (n,)."""
 
     positions: np.ndarray
-    """In [rad] or [m], shape (n,)."""
+    """In [rad] or [m], shape (n,) or (n_times, n)."""
 
     velocities: np.ndarray
-    """In [rad/s] or [m/s], shape (n,)."""
+    """In [rad/s] or [m/s], of the same shape."""
 
     base_pose: np.ndarray | None = None
-    """Pose of the root link in the map, shape (7,); None if it is not moved."""
+    """Pose of the root link in the map, shape (7,) or (n_times, 7); None if it is
+    not moved."""
 
     base_twist: np.ndarray | None = None
     """Velocity of the root link's origin and its angular velocity, along the map's
-    axes, shape (6,); None with the pose."""
+    axes, shape (6,) or (n_times, 6); None with the pose."""
 
     def at(self, index: int) -> Setpoint:
         """Return that at one of several times."""

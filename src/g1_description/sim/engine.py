@@ -1,28 +1,21 @@
-"""The interface of physics engines.
-
-Each engine is in its own folder; only this module knows which engines exist.
-"""
+"""The interface of physics engines; each engine is in its own folder."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
-from importlib import import_module
-from importlib.util import find_spec
 from typing import NamedTuple
 
 import numpy as np
 
 from g1_description.bounds import MAX_VALUE
-from g1_description.choices import ENGINES, PHYSICS
+from g1_description.choices import PHYSICS
 from g1_description.errors import (
     InvalidValueError,
     NoSuchMotorsError,
     UnknownNameError,
-    cause,
 )
-from g1_description.libraries import missing
 from g1_description.motion.motors import Motors, motors_of
 from g1_description.robot.dynamics import GRAVITY
 from g1_description.robot.profile import is_profile
@@ -187,6 +180,7 @@ class Engine(ABC):
         self._given_motors = motors
         self._drives: dict[str, Drives] = {}
         self._rest = RestDetector()
+        self._has_advanced = False
         self._failure = ""
 
     @property
@@ -312,7 +306,8 @@ class Engine(ABC):
         Args:
             count: Number of steps, at most ``steady_steps``.
         """
-        if not self._rest.is_resting:
+        self._has_advanced = not self._rest.is_resting
+        if self._has_advanced:
             self._advance(count)
             self._moving.read()
 
@@ -476,39 +471,3 @@ def _unused(motors: Motors, model: Model) -> tuple[str, ...]:
         if patterns
         else ()
     )
-
-
-def fastest_engine() -> str:
-    """Return the fastest engine whose library is installed.
-
-    Without any it is MuJoCo, which has wheels for every Python.
-    """
-    only_bullet = find_spec("pybullet") and not find_spec("mujoco")
-    return "bullet" if only_bullet else "mujoco"
-
-
-def engine_class(name: str) -> type[Engine]:
-    """Import an engine.
-
-    Args:
-        name: One of ``ENGINES``.
-
-    Raises:
-        UnknownNameError: If there is no such engine, or its library is not installed
-            or broken.
-    """
-    if name not in ENGINES:
-        raise UnknownNameError(
-            f"Unknown engine '{name}'; must be one of {', '.join(ENGINES)}."
-        )
-    # Imported by name and on use: an engine knows this module, not the reverse, and its
-    # library loads slowly.
-    try:
-        module = import_module(f"g1_description.sim.{name}.engine")
-    except ImportError as error:
-        why = f"The library of the engine {name} is broken: {cause(error)}."
-        if isinstance(error, ModuleNotFoundError):
-            why = missing(f"The engine {name}", error)
-        raise UnknownNameError(why) from error
-    found: type[Engine] = getattr(module, f"{name.title()}Engine")
-    return found

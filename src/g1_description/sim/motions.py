@@ -28,7 +28,10 @@ FULL_EFFORT = 0.999
 
 
 class MotionTracker:
-    """Compares a model with one motion, and its base for ``WATCH_TIME`` after it."""
+    """Compares a model with one motion, and its base for ``WATCH_TIME`` after it.
+
+    Joints are compared up to a fall: a robot on the floor follows no motion.
+    """
 
     def __init__(
         self,
@@ -76,21 +79,23 @@ class MotionTracker:
             base = desired.base_pose
             self._end_ns = int(times_ns[-1])
             self._base = None if base is None else base[-1]
-            rows = desired.rows
-            self._recorder.add(
-                1e-9 * (times_ns - self.start_ns),
-                self._columns[rows],
-                steps.positions[:, rows] - desired.positions,
-                np.abs(steps.efforts[:, rows]) >= self._limits[rows],
-            )
-            self._desired = None
-        until_ns = self._end_ns + WATCH_TIME
-        if self._falls and not (self.has_fallen or self.model.trees[0].fixed):
+        until_ns, had_fallen = self._end_ns + WATCH_TIME, self.has_fallen
+        count = len(times_ns)
+        if self._falls and not (had_fallen or self.model.trees[0].fixed):
             fallen = self._falls.has_fallen(steps.base_poses, base)
             fallen &= times_ns <= until_ns
             if fallen.any():
-                first = int(times_ns[fallen.argmax()])
-                self._fall_time = 1e-9 * (first - self.start_ns)
+                count = int(fallen.argmax()) + 1
+                self._fall_time = 1e-9 * (int(times_ns[count - 1]) - self.start_ns)
+        if desired is not None and not had_fallen:
+            rows = desired.rows
+            self._recorder.add(
+                1e-9 * (times_ns[:count] - self.start_ns),
+                self._columns[rows],
+                (steps.positions[:, rows] - desired.positions)[:count],
+                (np.abs(steps.efforts[:, rows]) >= self._limits[rows])[:count],
+            )
+        self._desired = None
         return bool(times_ns[-1] < until_ns)
 
     @property

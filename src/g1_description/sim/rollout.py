@@ -21,7 +21,8 @@ from g1_description.robot.assembly import Assembly
 from g1_description.robot.description import Description
 from g1_description.robot.lumping import lump_fixed_joints
 from g1_description.robot.transform import IDENTITY, compose, inverse
-from g1_description.sim.engine import MAX_STEPS, PhysicsProperties, Steps, engine_class
+from g1_description.sim.engine import MAX_STEPS, PhysicsProperties, Steps
+from g1_description.sim.engines import engine_class
 from g1_description.sim.model import Model
 from g1_description.sim.motions import LIMIT_TOLERANCE, WATCH_TIME, MotionTracker
 from g1_description.sim.standing import hanging_height, standing_height

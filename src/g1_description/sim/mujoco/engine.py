@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -25,7 +25,7 @@ from g1_description.sim.model import Model
 from g1_description.sim.moving_models import REST_SPEED, MovingModels
 from g1_description.sim.mujoco.drives import MujocoDrives
 from g1_description.sim.mujoco.mjcf import WorldFile
-from g1_description.sim.mujoco.reading import XYZW, ModelRows, Reader
+from g1_description.sim.mujoco.reading import ModelRows, Reader, Trace
 
 MAX_DEPENETRATION_SPEED = 0.3
 """Largest speed at which overlapping links separate, in [m/s]."""
@@ -50,21 +50,6 @@ MAX_SPEED = 1e6
 mujoco.set_mju_user_warning(lambda text: None)  # else it writes MUJOCO_LOG.TXT
 
 
-class _Trace(NamedTuple):
-    """Results of the last steps, which are the first axis."""
-
-    qpos: np.ndarray
-    qvel: np.ndarray
-    friction: np.ndarray
-    """Of the joints, by degree of freedom; that of servos is their effort."""
-
-    springs: np.ndarray
-    """Forces of the actuators."""
-
-    read: dict[str, Steps]
-    """Those that were read, by model."""
-
-
 class MujocoEngine(Engine):
     """MuJoCo behind a world.
 
@@ -84,7 +69,7 @@ class MujocoEngine(Engine):
         self._models: dict[str, tuple[Model, Mapping[str, Mesh]]] = {}
         self._is_compiled = False
         self._may_overlap = True
-        self._trace: _Trace | None = None
+        self._trace: Trace | None = None
         self._forces: list[tuple[Model, str, np.ndarray]] = []
         self._joint_efforts: list[tuple[Model, int, float]] = []
 
@@ -309,7 +294,7 @@ class MujocoEngine(Engine):
         data.qfrc_applied[:] = 0.0
         by_dof = np.zeros((count, model.nv))
         by_dof[:, data.efc_id[: data.nf]] = friction
-        self._trace = _Trace(positions, velocities, by_dof, springs, {})
+        self._trace = Trace(model, positions, velocities, by_dof, springs)
 
     def _choose_integrator(self) -> None:
         """Take the slower integrator while a free body spins fast."""
@@ -332,7 +317,7 @@ class MujocoEngine(Engine):
         self._failure = FAILURE
 
     def _apply_forces(self) -> None:
-        """Write the forces of this step."""
+        """Write the forces of the next steps."""
         data = self._data
         for body, mass in self._weightless.items():
             data.xfrc_applied[body, :3] -= mass * np.array(self.properties.gravity)
@@ -371,14 +356,8 @@ class MujocoEngine(Engine):
         is_known = self._is_compiled and model.name in self._drives
         if not is_known or self._trace is None:
             return np.zeros(len(model.joint_names))
-        return self._efforts_in(self._trace, model)[-1]
-
-    def _efforts_in(self, steps: _Trace, model: Model) -> np.ndarray:
-        """Compute the efforts of motors in steps, shape (n, n_joints)."""
-        drives, rows = self._drives[model.name], self._rows[model.name]
-        servos, springs = steps.friction[:, rows.velocity], steps.springs
-        efforts = np.where(drives.is_servo, servos, springs[:, rows.actuators])
-        return np.minimum(np.maximum(efforts, -drives.limits), drives.limits)
+        name = model.name
+        return self._trace.efforts(self._drives[name], self._rows[name])[-1]
 
     def _speeds(self) -> Sequence[float]:
         """Return the largest speed after each step that can end or begin a rest."""
@@ -391,31 +370,17 @@ class MujocoEngine(Engine):
 
     def last_steps(self, model: Model, count: int) -> Steps:
         """Return a model after and in the last steps."""
-        if self._rest.is_resting or not self._is_compiled or self._trace is None:
+        if not (self._has_advanced and self._is_compiled) or self._trace is None:
             return super().last_steps(model, count)
-        if model.name in self._trace.read:
-            return self._trace.read[model.name]
-        rows, qpos = self._rows[model.name], self._trace.qpos
-        bases = np.repeat(model.root_poses[:1], count, axis=0)
-        if not model.trees[0].fixed:
-            joint = self._model.body_jntadr[rows.roots[0]]
-            at = self._model.jnt_qposadr[joint]
-            places, quaternions = qpos[:, at : at + 3], qpos[:, at + 3 : at + 7]
-            bases = np.concatenate([places, quaternions[:, XYZW]], axis=1)
-            bases[:, :3] -= rotate(bases[:, 3:], rows.centers[0])
-        efforts = self._efforts_in(self._trace, model)
-        velocities = self._trace.qvel[:, rows.velocity]
-        found = Steps(qpos[:, rows.position], velocities, efforts, bases)
-        self._trace.read[model.name] = found
-        return found
+        return self._trace.steps(self._drives[model.name], self._rows[model.name])
 
     def apply_wrench(self, model: Model, link: str, wrench: np.ndarray) -> None:
-        """Apply a wrench to a link in the next step."""
+        """Apply a wrench to a link in the next steps."""
         self._rest.wake()
         self._forces.append((model, link, wrench))
 
     def apply_effort(self, model: Model, row: int, effort: float) -> None:
-        """Apply an effort to a joint in the next step."""
+        """Apply an effort to a joint in the next steps."""
         self._rest.wake()
         self._joint_efforts.append((model, row, effort))
 

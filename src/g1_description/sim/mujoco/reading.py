@@ -10,7 +10,9 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from g1_description.robot.rotation import cross, to_axes
+from g1_description.robot.rotation import cross, rotate, to_axes
+from g1_description.sim.drives import Drives
+from g1_description.sim.engine import Steps
 from g1_description.sim.model import Model, States
 from g1_description.sim.mujoco.drives import JointRows
 from g1_description.sim.mujoco.mjcf import WorldFile
@@ -40,6 +42,55 @@ class ModelRows(JointRows):
     def can_move(self) -> bool:
         """Whether it has a joint or a free root."""
         return bool(len(self.position)) or not all(t.fixed for t in self.model.trees)
+
+
+class Trace:
+    """The results of the last steps, which are the first axis of all arrays."""
+
+    def __init__(
+        self,
+        model: Any,
+        qpos: np.ndarray,
+        qvel: np.ndarray,
+        friction: np.ndarray,
+        springs: np.ndarray,
+    ) -> None:
+        """Keep them.
+
+        Args:
+            model: MuJoCo's model.
+            qpos: Its positions after the steps, shape (n, nq).
+            qvel: Its velocities after them, shape (n, nv).
+            friction: Efforts of friction in them, shape (n, nv); those of servos are
+                friction.
+            springs: Efforts of its actuators in them, shape (n, nu).
+        """
+        self._model = model
+        self.qpos, self.qvel = qpos, qvel
+        self._friction, self._springs = friction, springs
+        self._read: dict[str, Steps] = {}
+
+    def efforts(self, drives: Drives, rows: ModelRows) -> np.ndarray:
+        """Compute the efforts of a model's motors, shape (n, n_joints)."""
+        servos, springs = self._friction[:, rows.velocity], self._springs
+        efforts = np.where(drives.is_servo, servos, springs[:, rows.actuators])
+        return np.minimum(np.maximum(efforts, -drives.limits), drives.limits)
+
+    def steps(self, drives: Drives, rows: ModelRows) -> Steps:
+        """Read a model that has drives."""
+        model, qpos = rows.model, self.qpos
+        if model.name in self._read:
+            return self._read[model.name]
+        bases = np.repeat(model.root_poses[:1], len(qpos), axis=0)
+        if not model.trees[0].fixed:
+            at = self._model.jnt_qposadr[self._model.body_jntadr[rows.roots[0]]]
+            places, quaternions = qpos[:, at : at + 3], qpos[:, at + 3 : at + 7]
+            bases = np.concatenate([places, quaternions[:, XYZW]], axis=1)
+            bases[:, :3] -= rotate(bases[:, 3:], rows.centers[0])
+        positions, velocities = qpos[:, rows.position], self.qvel[:, rows.velocity]
+        found = Steps(positions, velocities, self.efforts(drives, rows), bases)
+        self._read[model.name] = found
+        return found
 
 
 class Reader:
