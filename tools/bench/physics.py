@@ -13,7 +13,9 @@ from g1_description.msg import MotorCommands, MotorStates
 from rosgraph_msgs.msg import Clock
 
 from g1_description.choices import ENGINES
+from g1_description.motion.motion import Motion
 from g1_description.robot.lumping import lump_fixed_joints
+from g1_description.ros.conversions import model_trajectory
 from g1_description.sim.rollout import Conditions, rollout
 from g1_description.sim.world import World
 
@@ -64,6 +66,9 @@ def physics(bench):
     for engine, rate in product(ENGINES, (200, 1000)):
         with bench.attempt(f"a node with {engine}, lying, rate:={rate}"):
             _in_a_node(bench, engine, rate)
+    for engine in ENGINES:
+        with bench.attempt(f"a node with {engine}, hanging and moved"):
+            _in_a_node(bench, engine, 200, is_moved=True)
     for engine in ENGINES:
         with bench.attempt(f"a controller at 1 kHz with {engine}"):
             _controlled(bench, engine)
@@ -118,9 +123,14 @@ def _check(bench, engine):
     bench.add(f"check --physics, {engine}", factor, "s per second of motion")
 
 
-def _in_a_node(bench, engine, rate):
-    """Measure how fast time passes while the robot lies, and the node's memory."""
+def _in_a_node(bench, engine, rate, is_moved=False):
+    """Measure how fast time passes while the robot lies, and the node's memory.
+
+    Instead it may hang and swing two joints.
+    """
     words = ("physics:=limp", f"engine:={engine}", f"rate:={rate}")
+    if is_moved:
+        words = ("physics:=hold", "fixed_base:=true", *words[1:])
     with Graph() as graph, closing(Peer()) as peer:
         graph.launch(bench.model, *words)
         node, came = graph.node("/gazebo"), []
@@ -128,13 +138,19 @@ def _in_a_node(bench, engine, rate):
         peer.wait(lambda: came, "/clock")
         with closing(Service("/gazebo/set_real_time_factor")) as service:
             service(0.0)
+        if is_moved:
+            with closing(Service("/gazebo/set_model_trajectory")) as service:
+                service(model_trajectory("g1_robot", _swing()))
         peer.serve(time.monotonic() + bench.length(5.0, 2.0))
         came.clear()
         peer.serve(time.monotonic() + bench.length(10.0, 2.0))
         (first, begin), (last, end) = came[0], came[-1]
         times = [Clock().deserialize(body).clock.to_sec() for body in (begin, end)]
         factor = (times[1] - times[0]) / (last - first)
-        bench.add(f"lying, {engine}, rate:={rate}", factor, "x real time")
+        name = "hanging and moved" if is_moved else "lying"
+        bench.add(f"{name}, {engine}, rate:={rate}", factor, "x real time")
+        if is_moved:
+            return
         memory = node.memory("VmHWM")
         bench.add(f"memory, {engine}, rate:={rate}", memory, "MB")
         with closing(Service("/gazebo/set_real_time_factor")) as service:
@@ -148,6 +164,13 @@ def _in_a_node(bench, engine, rate):
             waits.append(time.monotonic() - begin)
         wait = 1e3 * np.median(waits)
         bench.add(f"get_link_state, {engine}, rate:={rate}", wait, "ms")
+
+
+def _swing():
+    """Make a motion that lasts."""
+    times = np.arange(0.0, 300.0, 0.02)
+    turns = 0.3 * np.sin(3.0 * times)
+    return Motion(times, SWUNG, np.stack([turns, turns], axis=1))
 
 
 def _controlled(bench, engine):
