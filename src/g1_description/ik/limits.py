@@ -18,7 +18,7 @@ from g1_description.robot.assembly import WORLD
 from g1_description.robot.description import Description
 from g1_description.robot.dynamics import Masses
 from g1_description.robot.jacobians import Jacobians
-from g1_description.robot.rotation import conjugate, rotate
+from g1_description.robot.rotation import rotate, to_axes
 from g1_description.sim.standing import outlines
 
 INFLUENCE = 0.03
@@ -76,11 +76,20 @@ class BalanceLimit:
         self._normals = normals / np.linalg.norm(normals, axis=1)[:, np.newaxis]
 
     def approach(self, jacobians: Jacobians) -> Approach:
-        """Linearize the distances of the centre of mass from the edges."""
-        center = self._masses.robot_center(jacobians.link_poses)[:2]
-        rates = self._normals @ jacobians.of_center_of_mass(self._masses)[:2]
-        distances = ((self._corners - center) * self._normals).sum(axis=1)
+        """Linearize the distances of the centre of mass from the edges.
+
+        In a batch, both results have its leading axes.
+        """
+        center = self._masses.robot_center(jacobians.link_poses)[..., np.newaxis, :2]
+        rates = self._normals @ jacobians.of_center_of_mass(self._masses)[..., :2, :]
+        distances = ((self._corners - center) * self._normals).sum(axis=-1)
         return rates, distances - self._margin
+
+    def approaches(self, jacobians: Jacobians) -> tuple[np.ndarray, Approach]:
+        """Linearize the distances in a batch; return also the samples they are of."""
+        rates, room = self.approach(jacobians)
+        samples = np.repeat(np.arange(len(room)), room.shape[1])
+        return samples, (rates.reshape(-1, rates.shape[-1]), room.ravel())
 
     def excess_message(self, excess: float) -> str:
         """Describe how far it is from where it must be, in [m]."""
@@ -132,23 +141,50 @@ class FloorLimit:
             but_for: Rows of links that may be below it.
         """
         self._floor = floor
-        self._parts = [part for part in parts if part.row not in but_for]
+        parts = [part for part in parts if part.row not in but_for]
+        counts = [len(part.points) for part in parts]
+        self._begins = np.cumsum([0, *counts[:-1]]) if parts else np.zeros(0, dtype=int)
+        self._rows = np.repeat([part.row for part in parts], counts).astype(int)
+        nothing = [np.zeros((0, 3))], [np.zeros(0)]
+        self._points = np.concatenate([part.points for part in parts] or nothing[0])
+        self._radii = np.concatenate([part.radii for part in parts] or nothing[1])
 
     def approach(self, jacobians: Jacobians) -> Approach:
         """Linearize the heights of the lowest points near the floor."""
-        rows, lowest, room = [], [], []
-        for row, points, radii in self._parts:
-            pose = jacobians.link_poses[row]
-            up = rotate(conjugate(pose[3:]), np.array([0.0, 0.0, 1.0]))
-            heights = pose[2] + points @ up - radii
-            point = int(np.argmin(heights))
-            if heights[point] < self._floor + INFLUENCE:
-                rows.append(row)
-                lowest.append(pose[:3] + rotate(pose[3:], points[point]))
-                room.append(heights[point] - self._floor)
-        places = np.array(lowest).reshape(-1, 3)
-        rates = -jacobians.of_points(np.array(rows, dtype=int), places)[:, 2]
-        return rates, np.array(room)
+        _, rows, lowest, room = self._near(jacobians.link_poses[np.newaxis])
+        return -jacobians.of_points(rows, lowest)[:, 2], room
+
+    def approaches(self, jacobians: Jacobians) -> tuple[np.ndarray, Approach]:
+        """Linearize them in a batch; return also the samples they are of."""
+        samples, rows, lowest, room = self._near(jacobians.link_poses)
+        return samples, (-jacobians.of_each(samples, rows, lowest)[:, 2], room)
+
+    def _near(self, poses: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Find the lowest points of parts near the floor.
+
+        Returns:
+            Their samples and the rows of their links, shape (n,), their places, shape
+            (n, 3), and their heights above the floor, shape (n,).
+        """
+        up = to_axes(poses[..., 3:])[..., 2, :]
+        heights = poses[:, self._rows, 2] - self._radii
+        heights += (up[:, self._rows] * self._points).sum(axis=-1)
+        if not len(self._begins):
+            heights = np.zeros((len(poses), 0))
+        lowest = np.minimum.reduceat(heights, self._begins, axis=1)
+        samples, parts = np.nonzero(lowest < self._floor + INFLUENCE)
+        ends = np.append(self._begins[1:], len(self._rows))[parts]
+        points = np.array(
+            [
+                begin + np.argmin(heights[sample, begin:end])
+                for sample, begin, end in zip(samples, self._begins[parts], ends)
+            ],
+            dtype=int,
+        )
+        rows = self._rows[points]
+        near = poses[samples, rows]
+        places = near[:, :3] + rotate(near[:, 3:], self._points[points])
+        return samples, rows, places, lowest[samples, parts] - self._floor
 
     def excess_message(self, excess: float) -> str:
         """Describe the depth of the lowest link, in [m]."""
@@ -182,6 +218,16 @@ class DistanceLimit:
         rates -= jacobians.of_points(second, found.points_b)
         rates = (found.normal[:, np.newaxis] @ rates)[:, 0]
         return rates, found.distance - self._distance
+
+    def approaches(self, jacobians: Jacobians) -> tuple[np.ndarray, Approach]:
+        """Linearize them in a batch; return also the samples they are of."""
+        reach = self._distance + INFLUENCE
+        found = self._collisions.contacts(jacobians.link_poses, reach)
+        first, second = self._pairs[found.pair].T
+        rates = jacobians.of_each(found.sample, first, found.points_a)
+        rates -= jacobians.of_each(found.sample, second, found.points_b)
+        rates = (found.normal[:, np.newaxis] @ rates)[:, 0]
+        return found.sample, (rates, found.distance - self._distance)
 
     def excess_message(self, excess: float) -> str:
         """Describe by how much the nearest links are too near, in [m]."""

@@ -82,6 +82,23 @@ class Jacobians:
         moved = screws[..., :3] - cross(points[..., np.newaxis, :], screws[..., 3:])
         return np.swapaxes(self._moves[rows][..., np.newaxis] * moved, -1, -2)
 
+    def of_each(
+        self, samples: np.ndarray, rows: np.ndarray, points: np.ndarray
+    ) -> np.ndarray:
+        """Compute the Jacobians of points, each in one configuration of a batch.
+
+        Args:
+            samples: Indices of the configurations, shape (n,).
+            rows: Rows of the links, shape (n,).
+            points: In the world, in [m], shape (n, 3).
+
+        Returns:
+            As ``of_points``, shape (n, 3, 6 + n_joints).
+        """
+        screws = self._screws[samples]
+        moved = screws[..., :3] - cross(points[:, np.newaxis], screws[..., 3:])
+        return np.swapaxes(self._moves[rows][..., np.newaxis] * moved, -1, -2)
+
     def of_center_of_mass(self, masses: Masses) -> np.ndarray:
         """Compute the Jacobian of the centre of mass.
 
