@@ -31,11 +31,11 @@ from g1_description.ik.solver import (
     IkConstraints,
     IkSolver,
     Linearization,
-    LinkTask,
     descend,
     last,
     search,
 )
+from g1_description.ik.tasks import LinkTask
 from g1_description.motion.motion import Motion
 from g1_description.robot.assembly import WORLD, root_in_base
 from g1_description.robot.description import Description

@@ -20,18 +20,18 @@ import daqp
 import numpy as np
 
 from g1_description.ik.limits import Approach, Limit, checked_approach
+from g1_description.ik.tasks import (
+    LinkTask,
+    displaced,
+    errors_of,
+    matrix_of,
+    weights_of,
+)
 from g1_description.robot.description import Description
 from g1_description.robot.dynamics import Masses
 from g1_description.robot.jacobians import Jacobians
 from g1_description.robot.kinematics import Kinematics
-from g1_description.robot.rotation import (
-    conjugate,
-    from_rotation_vector,
-    multiply,
-    normalized,
-    rotate,
-    to_rotation_vector,
-)
+from g1_description.robot.rotation import from_rotation_vector, multiply, normalized
 
 TOLERANCE = np.array([1e-3, np.radians(0.5)])
 """Errors of a task that is reached, in [m] and [rad]."""
@@ -83,29 +83,6 @@ class Configuration(NamedTuple):
     """Positions of movable joints in [rad] or [m], shape (n_joints,)."""
 
 
-class LinkTask(NamedTuple):
-    """Where a link should be."""
-
-    link: int
-    """Row of the link."""
-
-    pose: np.ndarray
-    """In the world, shape (7,)."""
-
-    weights: np.ndarray
-    """Weights of its position along the world's axes and rotation about them, shape
-    (6,); 0: any will do."""
-
-    point: np.ndarray = np.zeros(3)
-    """Which of its points should be there, in its frame, in [m], shape (3,)."""
-
-    @property
-    def link_pose(self) -> np.ndarray:
-        """Pose of the link itself in the world, shape (7,)."""
-        origin = self.pose[:3] - rotate(self.pose[3:], self.point)
-        return np.concatenate([origin, self.pose[3:]])
-
-
 @dataclass(frozen=True, eq=False)
 class IkConstraints:
     """Constraints on a configuration."""
@@ -137,7 +114,7 @@ class Linearization:
 
     displacements: np.ndarray
     """By how much the links of tasks must move and turn along the world's axes, in [m]
-    and [rad], shape (n_tasks, 6); 0 where free."""
+    and [rad], shape (n_rows,); 0 where free."""
 
     approaches: Sequence[Approach]
     """Rates and room of each limit."""
@@ -148,8 +125,7 @@ class Linearization:
     @property
     def errors(self) -> np.ndarray:
         """Distances from the tasks, in [m] and [rad], shape (n_tasks, 2)."""
-        parts = self.displacements.reshape(-1, 2, 3)
-        return np.asarray(np.linalg.norm(parts, axis=-1))
+        return errors_of(self.displacements)
 
     @cached_property
     def excesses(self) -> list[float]:
@@ -159,8 +135,7 @@ class Linearization:
     @property
     def cost(self) -> float:
         """Sum of squared errors, which steps reduce."""
-        weights = np.array([task.weights for task in self.tasks]).reshape(-1, 6)
-        squares = (weights * self.displacements) ** 2
+        squares = (weights_of(self.tasks) * self.displacements) ** 2
         excess = sum(one**2 for one in self.excesses)
         return float(squares.sum()) + HARD**2 * excess
 
@@ -190,14 +165,7 @@ class IkSolver:
     ) -> Linearization:
         """Compare a configuration with tasks and bounds."""
         jacobians = Jacobians(self.kinematics, *now)
-        poses = jacobians.link_poses[[task.link for task in tasks]].reshape(-1, 7)
-        offsets = np.array([task.point for task in tasks]).reshape(-1, 3)
-        points = poses[:, :3] + rotate(poses[:, 3:], offsets)
-        goals = np.array([task.pose for task in tasks]).reshape(-1, 7)
-        turns = multiply(goals[:, 3:], conjugate(poses[:, 3:]))
-        moves = [goals[:, :3] - points, to_rotation_vector(turns)]
-        free = np.array([task.weights for task in tasks]).reshape(-1, 6) == 0.0
-        displacements = np.where(free, 0.0, np.concatenate(moves, axis=-1))
+        points, displacements = displaced(tasks, jacobians)
         approaches = [
             checked_approach(limit, jacobians, 6 + len(now.position))
             for limit in bounds.limits
@@ -221,11 +189,10 @@ class IkSolver:
             finds none, as numbers of very different sizes exceed its precision.
         """
         now, bounds, tasks = view.configuration, view.bounds, view.tasks
-        weights = np.array([task.weights for task in tasks]).reshape(-1, 6)
-        desired = (weights * view.displacements).ravel()
-        matrix = view.jacobians.of_links([task.link for task in tasks], view.points)
-        columns = matrix.shape[-1]
-        matrix = (weights[..., np.newaxis] * matrix).reshape(len(desired), columns)
+        weights = weights_of(tasks)
+        desired = weights * view.displacements
+        matrix = matrix_of(tasks, view.jacobians, view.points)
+        matrix *= weights[:, np.newaxis]
         hessian, gradient = matrix.T @ matrix, -matrix.T @ desired
         every = np.arange(len(gradient))
         joints = every[6:]
