@@ -116,3 +116,17 @@ def test_the_same_turns_have_the_same_bits_wherever_they_lie_in_memory():
         again = rotation.shorter_turn(a, b)
         kept.append(again)
         np.testing.assert_array_equal(again[1], first[1])
+
+
+@given(SEEDS, st.sampled_from([-1.0, 0.0, 0.3, 1.0]))
+def test_the_shortest_turn_brings_a_direction_to_another(seed, share):
+    """Also where both are the same, or opposite."""
+    a, b = np.random.default_rng(seed).normal(size=(2, 4, 3))
+    b = a if share == 1.0 else -a if share == -1.0 else b + share * a
+    a, b = (each / np.linalg.norm(each, axis=1)[:, np.newaxis] for each in (a, b))
+    turns = rotation.turn_between(a, b)
+    np.testing.assert_allclose(Rotation.from_rotvec(turns).apply(a), b, atol=1e-9)
+    cosine = np.clip((a * b).sum(axis=1), -1.0, 1.0)
+    np.testing.assert_allclose(
+        np.linalg.norm(turns, axis=1), np.arccos(cosine), 1e-6, 1e-7
+    )

@@ -13,10 +13,16 @@ import numpy as np
 from g1_description.robot.jacobians import Jacobians
 from g1_description.robot.rotation import (
     conjugate,
+    cross,
     multiply,
     rotate,
     to_rotation_vector,
+    turn_between,
 )
+
+NEAREST = 0.01
+"""Distance of a point that an axis points at from the axis' own, in [m]: nearer ones
+count as that far away."""
 
 ROWS = 6
 """Rows of a task: displacements along the world's axes, then about them."""
@@ -37,6 +43,30 @@ class LinkTask(NamedTuple):
 
     point: np.ndarray = np.zeros(3)
     """Which of its points should be there, in its frame, in [m], shape (3,)."""
+
+    axis: np.ndarray | None = None
+    """Unit vector in its frame, shape (3,), which points along ``direction`` or at
+    ``look_at`` instead of the rotation of the pose; None: the pose has the rotation."""
+
+    direction: np.ndarray | None = None
+    """Unit vector in the world, shape (..., 3)."""
+
+    look_at: np.ndarray | None = None
+    """In the world, in [m], shape (..., 3)."""
+
+    def at(self, row: int) -> LinkTask:
+        """Return the task of one configuration of a batch."""
+        rows = {
+            name: each[row]
+            for name, each in self._asdict().items()
+            if name in ("pose", "direction", "look_at") and np.ndim(each) == 2
+        }
+        return self._replace(**rows)
+
+    @property
+    def is_posed(self) -> bool:
+        """Whether the whole pose is given."""
+        return self.axis is None and bool(np.all(self.weights))
 
     @property
     def link_pose(self) -> np.ndarray:
@@ -70,8 +100,12 @@ def displaced(
     goals = np.empty_like(poses)
     for number, task in enumerate(tasks):
         goals[..., number, :] = task.pose
-    turns = multiply(goals[..., 3:], conjugate(poses[..., 3:]))
-    moves = [goals[..., :3] - points, to_rotation_vector(turns)]
+    turns = to_rotation_vector(multiply(goals[..., 3:], conjugate(poses[..., 3:])))
+    for number, task in enumerate(tasks):
+        if task.axis is not None:
+            axis, aim, _ = _aim(task, task.axis, jacobians, points[..., number, :])
+            turns[..., number, :] = turn_between(axis, aim)
+    moves = [goals[..., :3] - points, turns]
     rows = np.concatenate(moves, axis=-1).reshape(*poses.shape[:-2], ROWS * len(tasks))
     return points, np.where(weights_of(tasks) == 0.0, 0.0, rows)
 
@@ -91,6 +125,15 @@ def matrix_of(
         (..., n_rows, 6 + n_joints).
     """
     matrix = jacobians.of_links(_links(tasks), points)
+    for number, task in enumerate(tasks):
+        if task.axis is not None:
+            axis, aim, near = _aim(task, task.axis, jacobians, points[..., number, :])
+            axis = axis[..., np.newaxis, :]
+            linear, angular = np.split(matrix[..., number, :, :], 2, axis=-2)
+            # A turn about the axis does not move it.
+            angular -= np.swapaxes(axis, -1, -2) * (axis @ angular)
+            turned = cross(aim[..., np.newaxis, :], np.swapaxes(linear, -1, -2))
+            angular += near[..., np.newaxis] * np.swapaxes(turned, -1, -2)
     shape = matrix.shape[:-3]
     return matrix.reshape(*shape, ROWS * len(tasks), matrix.shape[-1])
 
@@ -106,6 +149,24 @@ def errors_of(displacements: np.ndarray) -> np.ndarray:
     """
     shape = (*displacements.shape[:-1], displacements.shape[-1] // ROWS, 2, 3)
     return np.asarray(np.linalg.norm(displacements.reshape(shape), axis=-1))
+
+
+def _aim(
+    task: LinkTask, axis: np.ndarray, jacobians: Jacobians, point: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Find where an axis of a link points, and where it should point.
+
+    Returns:
+        Unit vectors in the world, shape (..., 3), and the angle by which the second one
+        turns when the point moves across it, in [rad/m], shape (..., 1).
+    """
+    now = rotate(jacobians.link_poses[..., task.link, 3:], axis)
+    if task.look_at is None:
+        assert task.direction is not None
+        return now, task.direction, np.zeros((1,))
+    ray = task.look_at - point
+    distance = np.maximum(np.linalg.norm(ray, axis=-1, keepdims=True), NEAREST)
+    return now, ray / distance, 1.0 / distance
 
 
 def _links(tasks: Sequence[LinkTask]) -> np.ndarray:

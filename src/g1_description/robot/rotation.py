@@ -170,21 +170,38 @@ def to_rotation_vector(q_a_b: np.ndarray) -> np.ndarray:
     return 2.0 * half * axis
 
 
-def from_z(direction: np.ndarray) -> np.ndarray:
-    """Compute a rotation that turns the z axis to a direction.
+def turn_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Compute the shortest turns from one direction to another.
 
     Args:
-        direction: Not zero, shape (3,).
+        a: Unit vectors, shape (..., 3).
+        b: Unit vectors, shape (..., 3).
 
     Returns:
-        A unit quaternion (x, y, z, w), shape (4,).
+        Rotation vectors in [rad], shape (..., 3); half a turn about any axis at right
+        angles where b is opposite to a.
     """
-    z = np.array([0.0, 0.0, 1.0])
-    unit = direction / np.linalg.norm(direction)
-    if unit @ z < -1.0 + 1e-12:
-        return np.array([1.0, 0.0, 0.0, 0.0])
-    quaternion = np.append(cross(z, unit), 1.0 + unit @ z)
-    return np.asarray(quaternion / np.linalg.norm(quaternion))
+    normal, along = cross(a, b), (a * b).sum(axis=-1)
+    sine = np.linalg.norm(normal, axis=-1)
+    least = np.eye(3)[np.argmin(np.abs(a), axis=-1)]
+    is_opposite = (sine < 1e-12) & (along < 0.0)
+    normal = np.where(is_opposite[..., np.newaxis], cross(a, least), normal)
+    length = np.linalg.norm(normal, axis=-1)
+    angle = np.arctan2(sine, along)
+    return (angle / np.where(length > 0.0, length, 1.0))[..., np.newaxis] * normal
+
+
+def from_z(direction: np.ndarray) -> np.ndarray:
+    """Compute rotations that turn the z axis to directions.
+
+    Args:
+        direction: Not zero, shape (..., 3).
+
+    Returns:
+        Unit quaternions (x, y, z, w), shape (..., 4).
+    """
+    unit = direction / np.linalg.norm(direction, axis=-1, keepdims=True)
+    return from_rotation_vector(turn_between(np.array([0.0, 0.0, 1.0]), unit))
 
 
 def from_rpy(rpy: np.ndarray) -> np.ndarray:
