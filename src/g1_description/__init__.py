@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from .checks.verdict import Verdict as Verdict
     from .client import Client as Client
     from .ik.inverse_kinematics import IkResult as IkResult
+    from .ik.targets import Target as Target
+    from .ik.targets import box_targets as box_targets
     from .motion.motion import Motion as Motion
     from .stream import Stream as Stream
 
@@ -32,7 +34,9 @@ PUBLIC = {
     "Motion": "motion.motion",
     "Robot": "api",
     "Stream": "stream",
+    "Target": "ik.targets",
     "Verdict": "checks.verdict",
+    "box_targets": "ik.targets",
 }
 """Where the public names are."""
 

@@ -341,7 +341,7 @@ class Robot:
         base: Any = None,
         *,
         fixed_links: Collection[str] | None = None,
-        balance: bool = False,
+        balance: float | None = False,
         avoid_collisions: bool = False,
         floor: float | None = None,
         base_motion: str | None = None,
@@ -356,17 +356,20 @@ class Robot:
         Robotics, 2011; Kanoun et al., IEEE Trans. Robotics, 2011.
 
         Args:
-            targets: Poses x y z and quaternion x y z w, shape (7,), or only positions
-                x y z, shape (3,), in the world, in [m], of links by their names or
-                their roles in the profile, such as ``left_hand``.
+            targets: Poses x y z and quaternion x y z w, shape (7,), only positions
+                x y z, shape (3,), in the world, in [m], or a ``Target``, of links by
+                their names, or by the names of roles and points in the profile, such
+                as ``left_hand`` and ``left_palm``.
             start: Positions at which the search begins, shape (n_joints,) or by joint,
                 clipped to the limits; the result is near them where targets leave a
                 choice. None: neutral ones.
             base: Pose of the base link in the world at the start, shape (7,).
             fixed_links: Names or roles of links that stay where they are at the start;
                 None: the profile's feet without targets.
-            balance: Whether the centre of mass is above the fixed links that stand on
-                the floor, by a centimetre.
+            balance: Least distance in [m] of the centre of mass from the edges of the
+                fixed links that stand on the floor; True: 0.03, or half the distance
+                of their middle from the edges where that is less; None, False or 0:
+                it may be anywhere.
             avoid_collisions: Whether links that are checked for collisions keep 2 mm
                 apart.
             floor: Height in [m] below which no link gets, but for fixed ones; None:
@@ -414,7 +417,7 @@ class Robot:
         base: Any = None,
         *,
         fixed_links: Collection[str] | None = None,
-        balance: bool = False,
+        balance: float | None = False,
         avoid_collisions: bool = False,
         floor: float | None = None,
         base_motion: str | None = None,
@@ -426,8 +429,8 @@ class Robot:
 
         Args:
             times: Times of the samples in [s], increasing, shape (n_samples,).
-            targets: As for ``ik``, in the world, in each sample, shapes (n_samples, 7)
-                or (n_samples, 3).
+            targets: As for ``ik``, of each sample: shapes (n_samples, 7), (n_samples,
+                3), or a ``Target`` of such arrays; or one for all samples.
             start: As for ``ik``: where the search for the first sample begins.
             base: As for ``ik``.
             fixed_links: As for ``ik``; they stay where they are at the start.

@@ -426,7 +426,15 @@ def test_a_path_that_is_too_fast_lags_and_catches_up():
         ({"start": np.zeros((2, 29))}, "start must be a single configuration"),
         ({"limits": [3]}, "limits must be a list of objects"),
         ({"limits": 3}, "limits must be a list of objects"),
-        ({"balance": 0.04}, r"balance must be True or False \(got 0.04\)"),
+        ({"balance": 30}, r"balance must be True, False or a margin in m.*\(got 30\)"),
+        ({"balance": -0.01}, r"or a margin in m, from 0 to 1 \(got -0.01\)"),
+        ({"balance": np.nan}, r"or a margin in m, from 0 to 1 \(got nan\)"),
+        ({"balance": "no"}, r"or a margin in m, from 0 to 1 \(got no\)"),
+        ({"targets": {"left_plam": [0, 0, 1]}}, "Unknown link 'left_plam'.*left_palm"),
+        (
+            {"targets": {"left_palm": [0, 0, 1]}, "points": {"left_palm": [0, 0, 0]}},
+            "The target of left_palm has more than one point",
+        ),
         (
             {"avoid_collisions": "no"},
             r"avoid_collisions must be True or False \(got no\)",
@@ -485,7 +493,7 @@ def test_a_path_at_the_limits_of_speed_passes_the_check(g1):
     ("given", "problem"),
     [
         ({"cart": [3000.0, 0.0, 0.0]}, "target of cart at 0.500 s is 3e.03 m from"),
-        ({"cart": 4.0}, "There are 2 times but 1 targets of cart"),
+        ({"cart": 4.0}, "target of cart must be a position"),
         ({"times": [[0.0, 0.5]]}, "times of a path must be a row of numbers"),
     ],
 )

@@ -15,7 +15,12 @@ from g1_description.robot.description import Joint
 from g1_description.robot.load import read_description
 from g1_description.robot.lumping import lump_fixed_joints
 from g1_description.robot.poses import check_pose, fits, read_poses
-from g1_description.robot.profile import Profile, find_profile, is_profile
+from g1_description.robot.profile import (
+    LinkPoint,
+    Profile,
+    find_profile,
+    is_profile,
+)
 from g1_description.robot.urdf import parse_urdf
 
 G1 = parse_urdf((REPOSITORY / "urdf" / "g1_29dof.urdf").read_text())
@@ -109,11 +114,15 @@ def test_a_profile_elsewhere_is_that_of_the_robot_it_names(tmp_path, home):
         '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:arg '
         'name="root" default="a"/><link name="$(arg root)"/></robot>'
     )
-    text = "model: r.urdf.xacro root=trunk\nlinks: {left_foot: trunk, head: nose}\n"
+    text = (
+        "model: r.urdf.xacro root=trunk\nlinks: {left_foot: trunk, head: nose}\n"
+        "points: {tip: {link: nose, point: [0, 0, 0]}}\n"
+    )
     (tmp_path / "it" / "robot.yaml").write_text(text)
     robot = Robot(tmp_path / "it")
     assert robot.link_names == ("trunk",)
     assert robot.profile.links == {"left_foot": "trunk"}
+    assert robot.profile.points == {}
     assert robot.profile.missing_links == {"head": "nose"}
     told = figures(lump_fixed_joints(robot.description, is_dynamic=False), "hold")
     assert told.endswith(", whose links head: nose the robot does not have")
@@ -143,12 +152,15 @@ def test_the_users_profile_comes_before_the_packages(add):
 def test_a_profile_like_another_changes_a_part_of_it(add):
     add(
         "mine",
-        "like: g1_29dof\nnames: [my_g1]\nlinks: {left_hand: claw}\nmotors:\n",
+        "like: g1_29dof\nnames: [my_g1]\nlinks: {left_hand: claw}\nmotors:\n"
+        "points: {left_palm: {link: claw, point: [0, 0.1, 0]}}\n",
         poses="low: {}\n",
     )
     add("more", "like: ../mine\nposes: ../mine/poses.yaml\n")
     mine, more = find_profile("mine"), find_profile("more")
     assert mine.links == {**G1.profile.links, "left_hand": "claw"}
+    palm = LinkPoint("claw", (0.0, 0.1, 0.0), (1.0, 0.0, 0.0))
+    assert mine.points == {**G1.profile.points, "left_palm": palm}
     assert mine.standing_pose == more.standing_pose == "stand"
     assert mine.poses.resolve() == more.poses.resolve()
     assert (mine.motors, more.motors) == (None, None)
@@ -192,6 +204,11 @@ WRONG = {
     "model: 1": "model must be text (got 1)",
     "links: [a]": "links must map roles to links (got ['a'])",
     "links: {head: 1}": "head of links must be a link (got 1)",
+    "points: [a]": "points must map names to points (got ['a'])",
+    "points: {palm: hand}": "palm of points must have link, point and axis: ",
+    "points: {palm: {link: a}}": "palm of points must have link, point and axis: ",
+    "points: {palm: {link: a, point: [0, 0]}}": "palm of points must have link, ",
+    "points: {p: {link: a, point: [0, 0, 0], axis: [0, 0, 0]}}": "the axis not 0 ",
     "motors: none.yaml": "/wrong/none.yaml, which is not a file",
     "like: h1": "like has no profile 'h1'. Known profiles: ",
     "like: wrong": "it is like itself",

@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from g1_description.bounds import NORM_TOLERANCE
 from g1_description.checks.support import Corners, support_polygon
 from g1_description.collisions.self_collisions import SelfCollisions
 from g1_description.errors import InvalidValueError, UnknownNameError
@@ -35,25 +34,33 @@ from g1_description.ik.solver import (
     last,
     search,
 )
+from g1_description.ik.targets import (
+    FARTHEST,
+    POSE_WEIGHTS,
+    Target,
+    as_target,
+    check_mapping,
+    check_places,
+    is_number,
+    read_task,
+)
 from g1_description.ik.tasks import LinkTask
 from g1_description.motion.motion import Motion
 from g1_description.robot.assembly import WORLD, root_in_base
 from g1_description.robot.description import Description
 from g1_description.robot.launch_arguments import FEET
-from g1_description.robot.rotation import normalized, rotate
+from g1_description.robot.rotation import rotate
 from g1_description.robot.transform import compose, inverse
 from g1_description.sim.standing import outlines
 from g1_description.text import listed, similar_first
-
-ROTATION_WEIGHT = 0.3
-"""Weight of rotation errors in [rad], against position errors in [m]."""
 
 SOLE = 0.01
 """Height above a link's lowest point, and of the lowest held link, up to which it
 stands on the floor, in [m]."""
 
-BALANCE_MARGIN = 0.01
-"""Least distance of the centre of mass from the edges of the support polygon in [m]."""
+BALANCE_MARGIN, BALANCE_SHARE = 0.03, 0.5
+"""Least distance of the centre of mass from the edges of the support polygon by
+default, in [m], and the most of the distance of its middle from them that this is."""
 
 DISTANCE = 0.002
 """Least distance of links from each other, in [m]."""
@@ -65,13 +72,6 @@ BASES = {
 }
 """How the base may move: along and about the world's axes."""
 
-FARTHEST = 100.0
-"""Largest distance of a target from the root link at the start, and of the floor above
-the root link, in [m]."""
-
-FARTHEST_POINT = 5.0
-"""Largest coordinate of a point of a link, in [m]: a fingertip's in mm is beyond it."""
-
 SPEED_SHARE = 0.999
 """Share of the velocity limits that paths use: others round to the limit itself."""
 
@@ -82,11 +82,12 @@ PATH_STEPS = 20
 class TargetError(NamedTuple):
     """How far a link is from its target."""
 
-    position: float
-    """In [m]."""
+    position: float | None
+    """In [m]; None: any position will do."""
 
     rotation: float | None
-    """In [rad]; None: any rotation will do."""
+    """In [rad], or the angle between an axis and its aim; None: any rotation will
+    do."""
 
 
 @dataclass(frozen=True)
@@ -97,8 +98,10 @@ class IkOptions:
     """Links that stay, by name or role; None: the feet of the robot's profile, as far
     as they have no target."""
 
-    balance: bool = False
-    """Whether the centre of mass must be above the links that stand on the floor."""
+    balance: float | None = False
+    """By how much in [m] the centre of mass must be inside the edges of the links that
+    stand on the floor. True: ``BALANCE_MARGIN``, less where they are narrow; None,
+    False and 0: anywhere."""
 
     avoid_collisions: bool = False
     """Whether links keep away from each other."""
@@ -122,18 +125,24 @@ class IkOptions:
     """Further limits; see ``ik.limits.Limit``."""
 
     def __post_init__(self) -> None:
-        """Refuse values that are no booleans, as any number would count as True.
+        """Refuse values that mean something else than they say.
 
         Raises:
-            InvalidValueError: If balance or avoid_collisions is something else, or
+            InvalidValueError: If balance is no length, avoid_collisions no boolean, or
                 limits are no limits.
         """
-        for name in ("balance", "avoid_collisions"):
-            given = getattr(self, name)
-            if not isinstance(given, (bool, np.bool_)):
-                raise InvalidValueError(
-                    f"{name} must be True or False (got {str(given)[:80]})."
-                )
+        balance, flags = self.balance, (bool, np.bool_, type(None))
+        is_margin = is_number(balance) and 0.0 <= float(balance or 0.0) <= 1.0
+        if not (is_margin or isinstance(balance, flags)):
+            raise InvalidValueError(
+                "balance must be True, False or a margin in m, from 0 to 1 (got "
+                f"{str(balance)[:80]})."
+            )
+        if not isinstance(self.avoid_collisions, (bool, np.bool_)):
+            raise InvalidValueError(
+                "avoid_collisions must be True or False (got "
+                f"{str(self.avoid_collisions)[:80]})."
+            )
         is_list = isinstance(self.limits, Sequence)
         if not (is_list and all(hasattr(one, "approach") for one in self.limits)):
             raise InvalidValueError(
@@ -158,6 +167,10 @@ class IkResult:
     reached: bool
     """Whether all targets are reached within 1 mm and 0.5 degrees, with balance and
     distances where these are requested."""
+
+    margin: float | None
+    """Distance of the centre of mass from the nearest edge of what supports the robot,
+    in [m], negative outside; None without balance."""
 
     steps: int
     """Number of steps of the solver."""
@@ -219,6 +232,9 @@ class InverseKinematics:
         profile = description.given_profile or description.profile
         self._roles = {r: n for r, n in profile.links.items() if n in self.links}
         feet = [self._roles[role] for role in FEET if role in self._roles]
+        self._points = {
+            n: at for n, at in profile.points.items() if at.link in self.links
+        }
         self._feet = {self.links.index(link) for link in feet}
 
     def solve(
@@ -233,8 +249,8 @@ class InverseKinematics:
         """Search a configuration.
 
         Args:
-            targets: Poses, shape (7,), or positions, shape (3,), in the world, of links
-                by name or role.
+            targets: A ``Target``, pose, shape (7,), or position, shape (3,), in the
+                world, by name or role of a link, or name of a point.
             positions: Positions of the joints at the start, shape (n_joints,).
             base: Pose of the base link at the start, shape (7,).
             options: Conditions on the configuration.
@@ -294,7 +310,7 @@ class InverseKinematics:
 
         Args:
             times: Times of the samples in [s], increasing, shape (n,).
-            targets: Poses, shape (n, 7), or positions, shape (n, 3), by link.
+            targets: As for ``solve``, with an axis of the samples or without.
             positions: As for ``solve``, before the first sample.
             base: Pose of the base link at the start.
             options: Conditions on all configurations; fixed links stay as at the start.
@@ -302,33 +318,19 @@ class InverseKinematics:
         Raises:
             G1DescriptionError: As for ``solve``, and if lengths do not match.
         """
-        _check_mapping("targets", targets)
         if times.ndim != 1 or not np.isfinite(times).all():
             raise InvalidValueError(
                 f"The times of a path must be a row of numbers (got {str(times)[:80]})."
             )
-        rows = {
-            name: of if isinstance(of, Sequence) else np.atleast_1d(of)
-            for name, of in targets.items()
-        }
-        for name, of in rows.items():
-            if len(of) != len(times):
-                raise InvalidValueError(
-                    f"There are {len(times)} times but {len(of)} targets of {name}."
-                )
         if len(times) == 0:
             raise InvalidValueError("A path needs at least one sample (got none).")
         if not (np.diff(times) > 0.0).all():
             raise InvalidValueError("The times of a path must increase.")
         start = self._configuration(positions, base)
+        ways = self._tasks(targets, options, start, times)
         samples = [
-            self._tasks(
-                {name: of[row] for name, of in rows.items()},
-                options,
-                start,
-                f" at {time:.3f} s",
-            )
-            for row, time in enumerate(times)
+            {name: task.at(row) for name, task in ways.items()}
+            for row in range(len(times))
         ]
         tasks, first = self._problem(samples[0], start, options)
         given, posture = tuple(tasks.values()), start.position
@@ -362,7 +364,7 @@ class InverseKinematics:
         held = self._held(options.fixed_links, moved)
         stands = held or any(task.link in self._feet for task in moved.values())
         stays = {
-            name: LinkTask(row, poses[row], HARD * _weights(True))
+            name: LinkTask(row, poses[row], HARD * POSE_WEIGHTS)
             for name, row in held.items()
         }
         base_motion = options.base_motion
@@ -377,7 +379,10 @@ class InverseKinematics:
         limits: list[Limit] = []
         if options.balance:
             support = self._support(stays, moved)
-            limits.append(BalanceLimit(self._solver.masses, support, BALANCE_MARGIN))
+            margin, share = float(options.balance), np.inf
+            if isinstance(options.balance, (bool, np.bool_)):
+                margin, share = BALANCE_MARGIN, BALANCE_SHARE
+            limits.append(BalanceLimit(self._solver.masses, support, margin, share))
         floor = _height(options.floor, start)
         if floor is not None:
             limits.append(FloorLimit(self._parts, floor, held.values()))
@@ -404,10 +409,13 @@ class InverseKinematics:
         return Configuration(compose(base, self._T_base_root), within)
 
     def _row(self, name: str) -> int:
-        """Return the row of a link, given by its name or role."""
+        """Return the row of a link, given by its name or role, or that of a point."""
         link = name if name in self.links else self._roles.get(name, name)
+        if link in self._points:
+            link = self._points[link].link
         if link not in self.links:
-            known = listed(similar_first(name, [*self._roles, *self.links]))
+            names = [*self._roles, *self._points, *self.links]
+            known = listed(similar_first(name, names))
             raise UnknownNameError(f"Unknown link '{name}'. Known links: {known}.")
         return self.links.index(link)
 
@@ -429,37 +437,45 @@ class InverseKinematics:
         targets: Mapping[str, Any],
         options: IkOptions,
         start: Configuration,
-        when: str = "",
+        times: np.ndarray | None = None,
     ) -> dict[str, LinkTask]:
-        """Read targets; messages say when they are."""
-        _check_mapping("targets", targets)
+        """Read targets, with the axis of the samples of a path if there are times."""
+        check_mapping("targets", targets)
         weights, points = options.weights or {}, options.points or {}
         for option, given in (("weight", weights), ("point", points)):
-            _check_mapping(f"{option}s", given)
+            check_mapping(f"{option}s", given)
             unknown = [name for name in given if name not in targets]
             if unknown:
                 raise UnknownNameError(
                     f"There is a {option} but no target of {listed(unknown)}."
                 )
+        poses = self._solver.kinematics.link_poses(*start)
         tasks: dict[str, LinkTask] = {}
         names: dict[int, str] = {}
         for name, given in targets.items():
-            pose, is_oriented = _pose(f"{name}{when}", given)
-            far = float(np.linalg.norm(pose[:3] - start.root[:3]))
-            if far > FARTHEST:
-                raise InvalidValueError(
-                    f"The target of {name}{when} is {far:.3g} m from the robot: "
-                    f"targets are in m, at most {FARTHEST:g} m away."
-                )
             row = self._row(name)
             other = names.setdefault(row, name)
             if other != name:
                 raise InvalidValueError(f"{other} and {name} are the same link.")
+            target = self._completed(name, as_target(name, given), points.get(name))
+            task = read_task(name, target, row, times)
+            check_places(name, task, start.root[:3], poses[row], times)
             weight = _weight(name, weights.get(name, 1.0))
-            factor = min(weight, HARD) * _weights(is_oriented)
-            point = _point(name, points.get(name, np.zeros(3)))
-            tasks[name] = LinkTask(row, pose, factor, point)
+            tasks[name] = task._replace(weights=min(weight, HARD) * task.weights)
         return tasks
+
+    def _completed(self, name: str, target: Target, point: Any) -> Target:
+        """Give a target the point of an option, or a named point with its axis."""
+        own = None if name in self.links else self._points.get(name)
+        points = [target.point, point, None if own is None else own.point]
+        given = [each for each in points if each is not None]
+        if len(given) > 1:
+            raise InvalidValueError(f"The target of {name} has more than one point.")
+        axis = target.axis
+        is_aimed = target.direction is not None or target.look_at is not None
+        if axis is None and own is not None and is_aimed:
+            axis = own.axis
+        return replace(target, point=given[0] if given else None, axis=axis)
 
     def _support(
         self, held: Mapping[str, LinkTask], moved: Mapping[str, LinkTask]
@@ -468,7 +484,7 @@ class InverseKinematics:
 
         They are held, or are feet with poses as targets.
         """
-        posed = [task for task in moved.values() if task.weights[3:].any()]
+        posed = [task for task in moved.values() if task.is_posed]
         points = []
         for task in (
             *held.values(),
@@ -497,12 +513,14 @@ class InverseKinematics:
         for name, task, (position, rotation) in zip(
             names, view.tasks, view.errors.tolist()
         ):
-            has_rotation = bool(task.weights[3:].any())
-            errors[name] = TargetError(position, rotation if has_rotation else None)
+            is_placed, is_turned = task.weights.reshape(2, 3).any(axis=1)
+            errors[name] = TargetError(
+                position if is_placed else None, rotation if is_turned else None
+            )
         far = [
             f"{name} is {_error_text(error)} from its target"
             for name, error in errors.items()
-            if error.position > TOLERANCE[0] or (error.rotation or 0.0) > TOLERANCE[1]
+            if (np.array([part or 0.0 for part in error]) > TOLERANCE).any()
         ]
         far += [
             limit.excess_message(excess)
@@ -511,27 +529,21 @@ class InverseKinematics:
         ]
         if far and view.is_stuck:
             far.append("the search ended early, as the solver found no further step")
+        margins = [
+            limit.margin + float(room.min())
+            for limit, (_, room) in zip(view.bounds.limits, view.approaches)
+            if isinstance(limit, BalanceLimit)
+        ]
+        margin = min(margins, default=None)
         message = f"Not reached: {'; '.join(far)}." if far else ""
         return IkResult(
             view.configuration.position,
             compose(view.configuration.root, inverse(self._T_base_root)),
             errors,
             not far,
+            margin,
             steps,
             message,
-        )
-
-
-def _weights(is_oriented: bool) -> np.ndarray:
-    """Return the weights of a task, shape (6,)."""
-    return np.repeat([1.0, ROTATION_WEIGHT * is_oriented], 3)
-
-
-def _check_mapping(label: str, given: object) -> None:
-    """Refuse a value that is no dictionary."""
-    if not isinstance(given, Mapping):
-        raise InvalidValueError(
-            f"{label} must be a dictionary by link (got {str(given)[:80]})."
         )
 
 
@@ -546,15 +558,11 @@ def _names(given: Any) -> list[str]:
     return names
 
 
-def _is_number(given: object) -> bool:
-    return isinstance(given, (int, float, np.number)) and not isinstance(given, bool)
-
-
 def _height(given: Any, start: Configuration) -> float | None:
     """Read the height of the floor."""
     if given is None:
         return None
-    if not _is_number(given) or not np.isfinite(given):
+    if not is_number(given) or not np.isfinite(given):
         raise InvalidValueError(
             f"floor must be the height of the floor in m, or None (got {given})."
         )
@@ -569,7 +577,7 @@ def _height(given: Any, start: Configuration) -> float | None:
 
 def _weight(name: str, given: Any) -> float:
     """Read the weight of a target."""
-    weight = float(given) if _is_number(given) else 0.0
+    weight = float(given) if is_number(given) else 0.0
     if not weight > 0.0:
         raise InvalidValueError(
             f"The weight of {name} must be a number greater than 0 (got {given})."
@@ -577,52 +585,13 @@ def _weight(name: str, given: Any) -> float:
     return weight
 
 
-def _point(name: str, given: Any) -> np.ndarray:
-    """Read a point of a link."""
-    numbers = _numbers(given)
-    if numbers.shape != (3,) or not np.isfinite(numbers).all():
-        raise InvalidValueError(
-            f"The point of {name} must be x y z in its frame (got {str(given)[:80]})."
-        )
-    far = float(np.abs(numbers).max())
-    if far > FARTHEST_POINT:
-        raise InvalidValueError(
-            f"The point of {name} is {far:.3g} m from its origin: points are in m, at "
-            f"most {FARTHEST_POINT:g} m away."
-        )
-    return numbers
-
-
-def _numbers(given: Any) -> np.ndarray:
-    """Read numbers; none if these are not numbers."""
-    try:
-        return np.array(given, dtype=float)
-    except (TypeError, ValueError):
-        return np.zeros(0)
-
-
-def _pose(name: str, given: Any) -> tuple[np.ndarray, bool]:
-    """Read a target; return also whether it has a rotation."""
-    numbers = _numbers(given)
-    if numbers.shape not in ((3,), (7,)) or not np.isfinite(numbers).all():
-        raise InvalidValueError(
-            f"The target of {name} must be a position x y z, or a pose x y z and "
-            f"quaternion x y z w (got {str(given)[:80]})."
-        )
-    if len(numbers) == 3:
-        return np.concatenate([numbers, [0.0, 0.0, 0.0, 1.0]]), False
-    length = float(np.linalg.norm(numbers[3:]))
-    if abs(length - 1.0) > NORM_TOLERANCE:
-        raise InvalidValueError(
-            f"The quaternion of {name} must have length 1 (got {length:.6g})."
-        )
-    return np.concatenate([numbers[:3], normalized(numbers[3:])]), True
-
-
 def _error_text(error: TargetError) -> str:
     """Write an error as text."""
-    is_far = error.position >= 1.0
-    text = f"{error.position:.2f} m" if is_far else f"{1e3 * error.position:.3g} mm"
+    texts = []
+    if error.position is not None:
+        is_far = error.position >= 1.0
+        millimetres = f"{1e3 * error.position:.3g} mm"
+        texts.append(f"{error.position:.2f} m" if is_far else millimetres)
     if error.rotation is not None:
-        text += f" and {np.degrees(error.rotation):.2g} degrees"
-    return text
+        texts.append(f"{np.degrees(error.rotation):.2g} degrees")
+    return " and ".join(texts)

@@ -61,29 +61,36 @@ def checked_approach(limit: Limit, jacobians: Jacobians, n_columns: int) -> Appr
 class BalanceLimit:
     """Keeps the centre of mass above a polygon, a margin from its edges."""
 
-    def __init__(self, masses: Masses, support: Corners, margin: float) -> None:
+    def __init__(
+        self, masses: Masses, support: Corners, margin: float, share: float = np.inf
+    ) -> None:
         """Prepare a polygon.
 
         Args:
             masses: Masses of the robot.
             support: Corners of the polygon, counterclockwise, in the world, in [m].
             margin: Least distance from its edges, in [m].
+            share: Most of the distance of its middle from its edges that the margin is.
         """
-        self._masses, self._margin = masses, margin
+        self._masses = masses
         self._corners = np.array(support)
         edges = np.roll(self._corners, -1, axis=0) - self._corners
         normals = np.stack([edges[:, 1], -edges[:, 0]], axis=1)
         self._normals = normals / np.linalg.norm(normals, axis=1)[:, np.newaxis]
+        middle = self._distances(self._corners.mean(axis=0)).min()
+        self.margin = min(margin, share * float(middle))
+        """Least distance from the edges, in [m]."""
+
+    def _distances(self, place: np.ndarray) -> np.ndarray:
+        """Return the distances of places from the edges, shape (..., n_edges)."""
+        away = self._corners - place[..., np.newaxis, :]
+        return np.asarray((away * self._normals).sum(axis=-1))
 
     def approach(self, jacobians: Jacobians) -> Approach:
-        """Linearize the distances of the centre of mass from the edges.
-
-        In a batch, both results have its leading axes.
-        """
-        center = self._masses.robot_center(jacobians.link_poses)[..., np.newaxis, :2]
-        rates = self._normals @ jacobians.of_center_of_mass(self._masses)[..., :2, :]
-        distances = ((self._corners - center) * self._normals).sum(axis=-1)
-        return rates, distances - self._margin
+        """Linearize the distances of the centre of mass from the edges."""
+        center = self._masses.robot_center(jacobians.link_poses)[..., :2]
+        moves = jacobians.of_center_of_mass(self._masses)[..., :2, :]
+        return self._normals @ moves, self._distances(center) - self.margin
 
     def approaches(self, jacobians: Jacobians) -> tuple[np.ndarray, Approach]:
         """Linearize the distances in a batch; return also the samples they are of."""
@@ -92,11 +99,11 @@ class BalanceLimit:
         return samples, (rates.reshape(-1, rates.shape[-1]), room.ravel())
 
     def excess_message(self, excess: float) -> str:
-        """Describe how far it is from where it must be, in [m]."""
-        return (
-            f"the centre of mass is {1e3 * excess:.0f} mm outside of what supports the "
-            "robot"
-        )
+        """Describe where it is and must be, for an excess in [m]."""
+        inside = 1e3 * (self.margin - excess)
+        place = f"{abs(inside):.0f} mm {'inside' if inside > 0.0 else 'outside'} of"
+        needed = f", not at least {1e3 * self.margin:.0f} mm inside"
+        return f"the centre of mass is {place} what supports the robot{needed}"
 
 
 class LinkPart(NamedTuple):

@@ -101,11 +101,12 @@ def as_numbers(given: Any, label: str) -> np.ndarray:
         ) from error
 
 
-def as_poses(given: Any) -> np.ndarray:
-    """Check poses of the base.
+def as_poses(given: Any, label: str = "base") -> np.ndarray:
+    """Check poses.
 
     Args:
         given: x y z and quaternion x y z w, shape (..., 7).
+        label: Name of what has them, for messages.
 
     Returns:
         A new array of the same shape, with quaternions of unit length.
@@ -119,14 +120,14 @@ def as_poses(given: Any) -> np.ndarray:
         poses = np.zeros(0)
     if poses.shape[-1:] != (7,) or not np.isfinite(poses).all():
         raise InvalidValueError(
-            "The base must be seven finite numbers, x y z and quaternion x y z w "
+            f"The {label} must be seven finite numbers, x y z and quaternion x y z w "
             f"(got {str(given)[:80]})."
         )
     lengths = np.linalg.norm(poses[..., 3:], axis=-1)
     errors = np.abs(lengths - 1.0)
     if (errors > NORM_TOLERANCE).any():
         raise InvalidValueError(
-            "The base quaternion must have length 1 (got "
+            f"The {label} quaternion must have length 1 (got "
             f"{lengths.flat[int(np.argmax(errors))]:.6g})."
         )
     rounded = errors > UNIT_TOLERANCE

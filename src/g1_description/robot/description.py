@@ -180,9 +180,9 @@ class Description:
         own = {*self.link_names}
         links = {role: link for role, link in found.links.items() if link in own}
         missing = {role: link for role, link in found.links.items() if link not in own}
-        return replace(
-            found, links=links, missing_links={**found.missing_links, **missing}
-        )
+        points = {name: at for name, at in found.points.items() if at.link in own}
+        missing = {**found.missing_links, **missing}
+        return replace(found, links=links, points=points, missing_links=missing)
 
     @property
     def movable_joints(self) -> tuple[Joint, ...]:

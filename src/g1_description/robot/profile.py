@@ -12,7 +12,9 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from g1_description.errors import ProfileError, UnknownNameError
 from g1_description.files.model_files import PACKAGE, ros_home, share_folder
@@ -25,7 +27,20 @@ FILE = "robot.yaml"
 PARTS = ("poses", "motors", "collisions")
 """Further files; a part ``NAME`` is by default the file ``NAME.yaml`` of the folder."""
 
-KEYS = ("like", "names", "joints", "model", "standing_pose", "links", *PARTS)
+KEYS = ("like", "names", "joints", "model", "standing_pose", "links", "points", *PARTS)
+
+
+class LinkPoint(NamedTuple):
+    """A point of a link that has a name, such as a palm."""
+
+    link: str
+    """Name of the link."""
+
+    point: tuple[float, ...]
+    """x y z in the frame of the link, in [m]."""
+
+    axis: tuple[float, ...] = (1.0, 0.0, 0.0)
+    """Where it faces: a vector x y z in the frame of the link."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +64,9 @@ class Profile:
 
     links: Mapping[str, str] = field(default_factory=dict)
     """Links by their role, such as ``left_foot``."""
+
+    points: Mapping[str, LinkPoint] = field(default_factory=dict)
+    """Points of links by their names, such as ``left_palm``."""
 
     poses: Path | None = None
     """File of its named poses."""
@@ -175,6 +193,7 @@ def _read(folder: Path, above: tuple[Path, ...] = ()) -> Profile:
             model=model,
             standing_pose=_text(content, "standing_pose") or base.standing_pose,
             links={**base.links, **_links(content)},
+            points={**base.points, **_points(content)},
             poses=_part(content, "poses", folder, base),
             motors=_part(content, "motors", folder, base),
             collisions=_part(content, "collisions", folder, base),
@@ -242,6 +261,28 @@ def _links(content: Mapping[str, Any]) -> dict[str, str]:
     for role, link in found.items():
         if not isinstance(link, str):
             raise ProfileError(f"{role} of links must be a link (got {link!r})")
+    return found
+
+
+def _points(content: Mapping[str, Any]) -> dict[str, LinkPoint]:
+    """Read the named points of links."""
+    value = content.get("points") or {}
+    if not isinstance(value, dict):
+        raise ProfileError(f"points must map names to points (got {value!r})")
+    found = {}
+    for name, given in value.items():
+        try:
+            point = LinkPoint(**given)
+            numbers = np.array([point.point, point.axis], dtype=float)
+        except (TypeError, ValueError):
+            numbers = np.zeros(0)
+        is_point = numbers.shape == (2, 3) and isinstance(point.link, str)
+        if not (is_point and np.isfinite(numbers).all() and numbers[1].any()):
+            raise ProfileError(
+                f"{name} of points must have link, point and axis: the link's name, "
+                f"and x y z twice in its frame, the axis not 0 (got {given!r})"
+            )
+        found[str(name)] = LinkPoint(point.link, *map(tuple, numbers.tolist()))
     return found
 
 
