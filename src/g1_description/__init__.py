@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from .ik.inverse_kinematics import IkResult as IkResult
     from .ik.targets import Target as Target
     from .ik.targets import box_targets as box_targets
+    from .ik.ways import arc as arc
+    from .ik.ways import line as line
+    from .ik.ways import turn as turn
     from .motion.motion import Motion as Motion
     from .stream import Stream as Stream
 
@@ -36,7 +39,10 @@ PUBLIC = {
     "Stream": "stream",
     "Target": "ik.targets",
     "Verdict": "checks.verdict",
+    "arc": "ik.ways",
     "box_targets": "ik.targets",
+    "line": "ik.ways",
+    "turn": "ik.ways",
 }
 """Where the public names are."""
 
