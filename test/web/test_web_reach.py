@@ -110,6 +110,19 @@ def test_a_hand_is_dragged_the_feet_stay_and_each_drag_is_one_change(page, brows
     browser.wait_for(lambda: browser.says("There is nothing to redo."), "a refusal")
 
 
+def test_the_gizmos_bring_frames_of_the_palms(page, browser):
+    """On the hands, with blue, their z axes, where the palms face."""
+    names = [name for name in browser.nodes if "/point_" in name]
+    for palm, name in zip(page.model.profile.points.values(), names):
+        assert name.split("/")[-2] == palm.link
+        node = browser.nodes[name]
+        assert node["position"] == pytest.approx(palm.point)
+        turn = Rotation.from_quat(np.array(node["wxyz"])[[1, 2, 3, 0]])
+        assert turn.apply([0.0, 0.0, 1.0]) @ palm.axis > 0.999
+        browser.wait_for(lambda node=node: node["visible"], name)
+    assert len(names) == 2
+
+
 def test_arrows_along_the_map_turn_the_link_from_where_it_is(page, browser):
     browser.set("Arrows along", "the map")
     upright = (1.0, 0.0, 0.0, 0.0)

@@ -15,7 +15,7 @@ from g1_description.ik.inverse_kinematics import IkResult
 from g1_description.ik.posing import roles_of
 from g1_description.robot.assembly import WORLD
 from g1_description.robot.poses import fitting_poses
-from g1_description.robot.rotation import conjugate, rotate
+from g1_description.robot.rotation import conjugate, from_z, rotate
 from g1_description.robot.transform import IDENTITY, compose
 from g1_description.web.controls import valid_pose
 from g1_description.web.panel import Key, RobotPanel
@@ -32,6 +32,9 @@ if TYPE_CHECKING:
 
 SCALE = 0.2
 """Length of a gizmo's arrows, in [m]."""
+
+POINT_AXES = 0.05
+"""Length of the axes of a named point, in [m]."""
 
 TARGET = (0.95, 0.6, 0.1, SEE_THROUGH)
 """Colour of a link at a target that is not reached."""
@@ -100,6 +103,20 @@ class ReachPanel(RobotPanel):
             )
             for role in self.posing.roles
         }
+        description, frames = self.robot.description, self.shown.body.tree.frames
+        self._points = [
+            self.scene.add_frame(
+                f"{frames[at.link].name}/point_{number}",
+                axes_length=POINT_AXES,
+                axes_radius=0.05 * POINT_AXES,
+                wxyz=wxyz(np.append(np.zeros(3), from_z(np.array(at.axis)))),
+                position=at.point,
+                visible=False,
+            )
+            for number, at in enumerate(description.profile.points.values())
+            if at.link in frames
+        ]
+        """Named points of links; z is where they face."""
         self._turns = dict.fromkeys(self._gizmos, IDENTITY)
         """Pose of each link in the frame of its gizmo: a rotation."""
         for role, gizmo in self._gizmos.items():
@@ -136,8 +153,8 @@ class ReachPanel(RobotPanel):
     def _show_gizmos(self) -> None:
         """Show the gizmos on their links, or hide them."""
         self.update()
-        for gizmo in self._gizmos.values():
-            gizmo.visible = self.has_gizmo
+        for node in (*self._gizmos.values(), *self._points):
+            node.visible = self.has_gizmo
         self.shown.body.on_drag(self._on_drag if self.has_gizmo else None)
 
     def _choose(self) -> None:
