@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from .ik.inverse_kinematics import IkResult as IkResult
     from .ik.targets import Target as Target
     from .ik.targets import box_targets as box_targets
+    from .ik.trajectory import TrajectoryBounds as TrajectoryBounds
     from .ik.ways import arc as arc
     from .ik.ways import line as line
     from .ik.ways import turn as turn
@@ -38,6 +39,7 @@ PUBLIC = {
     "Robot": "api",
     "Stream": "stream",
     "Target": "ik.targets",
+    "TrajectoryBounds": "ik.trajectory",
     "Verdict": "checks.verdict",
     "arc": "ik.ways",
     "box_targets": "ik.targets",

@@ -21,7 +21,7 @@ from g1_description.errors import (
     UnknownNameError,
 )
 from g1_description.files.atomic import write_whole
-from g1_description.former import former, former_arguments
+from g1_description.former import former, former_arguments, warn_of_former
 from g1_description.motion.edit import mirrored
 from g1_description.motion.files.conventions import JOINT_ORDERS
 from g1_description.motion.files.formats import read_motion, write_motion
@@ -69,12 +69,10 @@ if TYPE_CHECKING:
     from g1_description.checks.comparison import Comparison
     from g1_description.checks.verdict import Verdict
     from g1_description.collisions.self_collisions import Contacts, SelfCollisions
-    from g1_description.ik.inverse_kinematics import (
-        IkPath,
-        IkResult,
-        InverseKinematics,
-    )
+    from g1_description.ik.inverse_kinematics import IkResult
     from g1_description.ik.limits import Limit
+    from g1_description.ik.paths import IkPath, PathKinematics
+    from g1_description.ik.trajectory import TrajectoryBounds
     from g1_description.msg import RobotTrajectory
 
 _IK_ARGUMENTS = {"hold": "fixed_links", "collisions": "avoid_collisions"}
@@ -409,7 +407,7 @@ class Robot:
         return self._inverse.solve(targets, begin, pose, options)
 
     @former_arguments(**_IK_ARGUMENTS)
-    def ik_path(  # noqa: PLR0913
+    def ik_trajectory(  # noqa: PLR0913
         self,
         times: Any,
         targets: Mapping[str, Any],
@@ -417,40 +415,55 @@ class Robot:
         base: Any = None,
         *,
         fixed_links: Collection[str] | None = None,
-        balance: float | None = False,
+        balance: float | str | None = False,
         avoid_collisions: bool = False,
         floor: float | None = None,
         base_motion: str | None = None,
         weights: Mapping[str, float] | None = None,
         points: Mapping[str, Any] | None = None,
         limits: Sequence[Limit] = (),
+        bounds: TrajectoryBounds | None = None,
+        smooth: bool = True,
     ) -> IkPath:
-        """Make a motion in which links follow targets.
+        """Make a smooth motion in which links follow targets.
+
+        Base and joints are cubic splines with a knot each 0.1 s, found as a whole by a
+        sequence of quadratic programs. Sources: de Boor, A Practical Guide to Splines,
+        2001; Nocedal and Wright, Numerical Optimization, 2006, chapters 16 and 18.
 
         Args:
             times: Times of the samples in [s], increasing, shape (n_samples,).
             targets: As for ``ik``, of each sample: shapes (n_samples, 7), (n_samples,
-                3), or a ``Target`` of such arrays; or one for all samples.
+                3), or a ``Target`` of such arrays; one for all samples; or a function
+                that returns a pose or position at a time in [s].
             start: As for ``ik``: where the search for the first sample begins.
             base: As for ``ik``.
             fixed_links: As for ``ik``; they stay where they are at the start.
-            balance: As for ``ik``, like all that follow.
-            avoid_collisions: Likewise.
+            balance: As for ``ik``; or ``"zmp"``: the zero-moment point, which counts
+                in fast motions, keeps the default margin.
+            avoid_collisions: As for ``ik``, like the next five.
             floor: Likewise.
             base_motion: Likewise.
             weights: Likewise.
             points: Likewise.
             limits: Likewise.
+            bounds: Largest velocities and accelerations; None: the defaults of
+                ``TrajectoryBounds``.
+            smooth: False: each sample is as near to its targets as it gets from the one
+                before within the velocity limits of joints. Nothing bounds the base and
+                accelerations then.
 
         Returns:
-            The motion, whose joints keep to their limits of position and velocity, and
-            a result for each sample.
+            The motion, within the bounds, and a result for each sample. Where targets
+            cannot be followed it is as near as it can be, and ``message`` says when, by
+            how much, and which limits are reached there.
 
         Raises:
             UnknownNameError: If a link or role is unknown.
             InvalidValueError: If an argument is invalid.
         """
         from g1_description.ik.inverse_kinematics import IkOptions
+        from g1_description.ik.trajectory import TrajectoryBounds
 
         options = IkOptions(
             fixed_links=fixed_links,
@@ -462,9 +475,23 @@ class Robot:
             points=points,
             limits=limits,
         )
-        stamps = as_numbers(times, "time")
         begin, pose = self._start(start, base)
-        return self._inverse.path(stamps, targets, begin, pose, options)
+        given = as_numbers(times, "time"), targets, begin, pose, options
+        if not smooth:
+            return self._inverse.path(*given)
+        return self._inverse.trajectory(*given, bounds or TrajectoryBounds())
+
+    def ik_path(
+        self,
+        times: Any,
+        targets: Mapping[str, Any],
+        start: JointValues | None = None,
+        base: Any = None,
+        **options: Any,
+    ) -> IkPath:
+        """Return ``ik_trajectory(smooth=False)``, whose former name this is."""
+        warn_of_former("Robot.ik_path", "ik_trajectory")
+        return self.ik_trajectory(times, targets, start, base, smooth=False, **options)
 
     def _start(
         self, start: JointValues | None, base: Any
@@ -478,12 +505,10 @@ class Robot:
         return begin, IDENTITY if base is None else one_pose(base)
 
     @cached_property
-    def _inverse(self) -> InverseKinematics:
-        from g1_description.ik.inverse_kinematics import InverseKinematics
+    def _inverse(self) -> PathKinematics:
+        from g1_description.ik.paths import PathKinematics
 
-        return InverseKinematics(
-            self.description, lambda: self._usual_checker.collisions
-        )
+        return PathKinematics(self.description, lambda: self._usual_checker.collisions)
 
     def inverse_dynamics(
         self,

@@ -18,7 +18,7 @@ def former(old: str, new: str) -> Any:
     """
 
     def get(self: Any) -> Any:
-        _warn(old, new)
+        warn_of_former(old, new)
         return getattr(self, new)
 
     return property(get, doc=f"The former name of ``{new}``.")
@@ -40,7 +40,7 @@ def former_arguments(**renamed: str) -> Callable[[Function], Function]:
                 if old in given and new in given:
                     raise TypeError(f"{name}() got both {new} and {old}")
                 if old in given:
-                    _warn(f"{name}({old}=...)", f"{new}=...")
+                    warn_of_former(f"{name}({old}=...)", f"{new}=...")
                     given[new] = given.pop(old)
             return function(*args, **given)
 
@@ -49,7 +49,7 @@ def former_arguments(**renamed: str) -> Callable[[Function], Function]:
     return decorate
 
 
-def _warn(old: str, new: str) -> None:
-    """Warn the caller of the caller."""
+def warn_of_former(old: str, new: str) -> None:
+    """Warn the caller of the caller that something has a new name."""
     text = f"{old} is deprecated; use {new}"
     warnings.warn(text, DeprecationWarning, stacklevel=3)

@@ -30,8 +30,6 @@ from g1_description.ik.solver import (
     IkConstraints,
     IkSolver,
     Linearization,
-    descend,
-    last,
     search,
 )
 from g1_description.ik.targets import (
@@ -45,7 +43,6 @@ from g1_description.ik.targets import (
     read_task,
 )
 from g1_description.ik.tasks import LinkTask
-from g1_description.motion.motion import Motion
 from g1_description.robot.assembly import WORLD, root_in_base
 from g1_description.robot.description import Description
 from g1_description.robot.launch_arguments import FEET
@@ -62,6 +59,9 @@ BALANCE_MARGIN, BALANCE_SHARE = 0.03, 0.5
 """Least distance of the centre of mass from the edges of the support polygon by
 default, in [m], and the most of the distance of its middle from them that this is."""
 
+ZMP = "zmp"
+"""Balance of the zero-moment point."""
+
 DISTANCE = 0.002
 """Least distance of links from each other, in [m]."""
 
@@ -71,12 +71,6 @@ BASES = {
     "fixed": np.zeros(6),
 }
 """How the base may move: along and about the world's axes."""
-
-SPEED_SHARE = 0.999
-"""Share of the velocity limits that paths use: others round to the limit itself."""
-
-PATH_STEPS = 20
-"""Most steps from one sample of a path to the next."""
 
 
 class TargetError(NamedTuple):
@@ -98,10 +92,10 @@ class IkOptions:
     """Links that stay, by name or role; None: the feet of the robot's profile, as far
     as they have no target."""
 
-    balance: float | None = False
+    balance: float | str | None = False
     """By how much in [m] the centre of mass must be inside the edges of the links that
     stand on the floor. True: ``BALANCE_MARGIN``, less where they are narrow; None,
-    False and 0: anywhere."""
+    False and 0: anywhere. ``ZMP``: so is the zero-moment point of a trajectory."""
 
     avoid_collisions: bool = False
     """Whether links keep away from each other."""
@@ -133,10 +127,10 @@ class IkOptions:
         """
         balance, flags = self.balance, (bool, np.bool_, type(None))
         is_margin = is_number(balance) and 0.0 <= float(balance or 0.0) <= 1.0
-        if not (is_margin or isinstance(balance, flags)):
+        if not (is_margin or isinstance(balance, flags) or str(balance) == ZMP):
             raise InvalidValueError(
-                "balance must be True, False or a margin in m, from 0 to 1 (got "
-                f"{str(balance)[:80]})."
+                f"balance must be True, False, '{ZMP}' or a margin in m, from 0 to 1 "
+                f"(got {str(balance)[:80]})."
             )
         if not isinstance(self.avoid_collisions, (bool, np.bool_)):
             raise InvalidValueError(
@@ -179,32 +173,6 @@ class IkResult:
     """A sentence on targets that are missed; empty if there is none."""
 
 
-@dataclass(frozen=True, eq=False)
-class IkPath:
-    """The motion that inverse kinematics found."""
-
-    motion: Motion
-    """With the base, within limits of positions and velocities."""
-
-    results: tuple[IkResult, ...]
-    """Results of the samples."""
-
-    @property
-    def reached(self) -> bool:
-        """Whether all targets are reached in all samples."""
-        return not self.message
-
-    @property
-    def message(self) -> str:
-        """A sentence on the first sample that misses a target; empty if none does."""
-        missed = [row for row, result in enumerate(self.results) if not result.reached]
-        if not missed:
-            return ""
-        first, count = missed[0], f"{len(missed)} of {len(self.results)} samples"
-        time, message = self.motion.times[first], self.results[first].message
-        return f"Not all is reached in {count}, first at {time:.2f} s. {message}"
-
-
 class InverseKinematics:
     """Inverse kinematics of one robot."""
 
@@ -223,6 +191,7 @@ class InverseKinematics:
         self._description, self._make_collisions = description, make_collisions
         self._solver = IkSolver(description)
         joints = description.movable_joints
+        self._names = tuple(joint.name for joint in joints)
         self._lower = np.array([joint.lower for joint in joints])
         self._upper = np.array([joint.upper for joint in joints])
         self._speed = np.array([joint.velocity for joint in joints])
@@ -298,64 +267,6 @@ class InverseKinematics:
         while piece := deque(islice(steps, most), maxlen=1):
             yield self._result(tasks, *piece.pop())
 
-    def path(
-        self,
-        times: np.ndarray,
-        targets: Mapping[str, np.ndarray],
-        positions: np.ndarray,
-        base: np.ndarray,
-        options: IkOptions,
-    ) -> IkPath:
-        """Follow targets that move, without exceeding velocity limits of joints.
-
-        Args:
-            times: Times of the samples in [s], increasing, shape (n,).
-            targets: As for ``solve``, with an axis of the samples or without.
-            positions: As for ``solve``, before the first sample.
-            base: Pose of the base link at the start.
-            options: Conditions on all configurations; fixed links stay as at the start.
-
-        Raises:
-            G1DescriptionError: As for ``solve``, and if lengths do not match.
-        """
-        if times.ndim != 1 or not np.isfinite(times).all():
-            raise InvalidValueError(
-                f"The times of a path must be a row of numbers (got {str(times)[:80]})."
-            )
-        if len(times) == 0:
-            raise InvalidValueError("A path needs at least one sample (got none).")
-        if not (np.diff(times) > 0.0).all():
-            raise InvalidValueError("The times of a path must increase.")
-        start = self._configuration(positions, base)
-        ways = self._tasks(targets, options, start, times)
-        samples = [
-            {name: task.at(row) for name, task in ways.items()}
-            for row in range(len(times))
-        ]
-        tasks, first = self._problem(samples[0], start, options)
-        given, posture = tuple(tasks.values()), start.position
-        view, steps = last(search(self._solver, start, given, first, posture))
-        results = [self._result(tasks, view, steps)]
-        for moved, duration in zip(samples[1:], np.diff(times)):
-            given = tuple({**tasks, **moved}.values())
-            now = view.configuration
-            reach = SPEED_SHARE * self._speed * duration
-            bounds = replace(
-                first,
-                lower=np.maximum(self._lower, now.position - reach),
-                upper=np.minimum(self._upper, now.position + reach),
-            )
-            first_view = self._solver.view(now, given, bounds)
-            view, steps = last(descend(self._solver, first_view, posture, PATH_STEPS))
-            results.append(self._result(tasks, view, steps))
-        motion = Motion(
-            times,
-            tuple(joint.name for joint in self._description.movable_joints),
-            np.array([result.positions for result in results]),
-            base_poses=np.array([result.base for result in results]),
-        )
-        return IkPath(motion, tuple(results))
-
     def _problem(
         self, moved: Mapping[str, LinkTask], start: Configuration, options: IkOptions
     ) -> tuple[dict[str, LinkTask], IkConstraints]:
@@ -378,11 +289,18 @@ class InverseKinematics:
             base_motion = "fixed"
         limits: list[Limit] = []
         if options.balance:
-            support = self._support(stays, moved)
+            if options.balance == ZMP:
+                raise InvalidValueError(
+                    f"balance='{ZMP}' is for smooth trajectories, as only these have "
+                    "accelerations."
+                )
+            support, height = self._support(stays, moved)
             margin, share = float(options.balance), np.inf
             if isinstance(options.balance, (bool, np.bool_)):
                 margin, share = BALANCE_MARGIN, BALANCE_SHARE
-            limits.append(BalanceLimit(self._solver.masses, support, margin, share))
+            limits.append(
+                BalanceLimit(self._solver.masses, support, margin, share, height)
+            )
         floor = _height(options.floor, start)
         if floor is not None:
             limits.append(FloorLimit(self._parts, floor, held.values()))
@@ -479,8 +397,8 @@ class InverseKinematics:
 
     def _support(
         self, held: Mapping[str, LinkTask], moved: Mapping[str, LinkTask]
-    ) -> Corners:
-        """Find the polygon of the links that stand on the floor.
+    ) -> tuple[Corners, float]:
+        """Find the polygon of the links that stand on the floor, and its height.
 
         They are held, or are feet with poses as targets.
         """
@@ -495,15 +413,15 @@ class InverseKinematics:
             placed = pose[:3] + rotate(pose[3:], outline)
             placed[:, 2] -= radii
             points.append(placed)
-        floor = min((placed[:, 2].min() for placed in points), default=0.0) + SOLE
-        low = [placed[placed[:, 2] < floor, :2] for placed in points]
+        floor = float(min((placed[:, 2].min() for placed in points), default=0.0))
+        low = [placed[placed[:, 2] < floor + SOLE, :2] for placed in points]
         corners = support_polygon(np.concatenate(low)) if low else []
         if len(corners) < 3:
             raise InvalidValueError(
                 "Balance needs links that stand on the floor: hold them, or give the "
                 "feet of the profile poses as targets."
             )
-        return corners
+        return corners, floor
 
     def _result(
         self, names: Iterable[str], view: Linearization, steps: int

@@ -58,11 +58,23 @@ def checked_approach(limit: Limit, jacobians: Jacobians, n_columns: int) -> Appr
     return rates, room
 
 
+def limit_name(limit: Limit) -> str:
+    """Describe that a limit is reached."""
+    return getattr(limit, "reached", f"{type(limit).__name__} is reached")
+
+
 class BalanceLimit:
     """Keeps the centre of mass above a polygon, a margin from its edges."""
 
+    reached = "the centre of mass is at its margin from the edge"
+
     def __init__(
-        self, masses: Masses, support: Corners, margin: float, share: float = np.inf
+        self,
+        masses: Masses,
+        support: Corners,
+        margin: float,
+        share: float = np.inf,
+        floor: float = 0.0,
     ) -> None:
         """Prepare a polygon.
 
@@ -71,7 +83,10 @@ class BalanceLimit:
             support: Corners of the polygon, counterclockwise, in the world, in [m].
             margin: Least distance from its edges, in [m].
             share: Most of the distance of its middle from its edges that the margin is.
+            floor: Height of the polygon, in [m].
         """
+        self.floor = floor
+        """Height of the polygon, in [m]."""
         self._masses = masses
         self._corners = np.array(support)
         edges = np.roll(self._corners, -1, axis=0) - self._corners
@@ -88,15 +103,32 @@ class BalanceLimit:
 
     def approach(self, jacobians: Jacobians) -> Approach:
         """Linearize the distances of the centre of mass from the edges."""
-        center = self._masses.robot_center(jacobians.link_poses)[..., :2]
-        moves = jacobians.of_center_of_mass(self._masses)[..., :2, :]
-        return self._normals @ moves, self._distances(center) - self.margin
+        _, approach = self._approach(jacobians, None)
+        return approach
 
-    def approaches(self, jacobians: Jacobians) -> tuple[np.ndarray, Approach]:
-        """Linearize the distances in a batch; return also the samples they are of."""
-        rates, room = self.approach(jacobians)
-        samples = np.repeat(np.arange(len(room)), room.shape[1])
+    def approaches(
+        self, jacobians: Jacobians, places: np.ndarray | None = None
+    ) -> tuple[np.ndarray, Approach]:
+        """Linearize the distances in a batch; return also the samples they are of.
+
+        Args:
+            jacobians: Those of n configurations.
+            places: Places that move as the centres of mass do, and count instead, in
+                the world, in [m], shape (n, 2).
+        """
+        samples, (rates, room) = self._approach(jacobians, places)
         return samples, (rates.reshape(-1, rates.shape[-1]), room.ravel())
+
+    def _approach(
+        self, jacobians: Jacobians, places: np.ndarray | None
+    ) -> tuple[np.ndarray, Approach]:
+        """Linearize the distances, with the leading axes of the configurations."""
+        if places is None:
+            places = self._masses.robot_center(jacobians.link_poses)[..., :2]
+        moves = jacobians.of_center_of_mass(self._masses)[..., :2, :]
+        room = self._distances(places) - self.margin
+        samples = np.repeat(np.arange(len(room)), room.shape[-1])
+        return samples, (self._normals @ moves, room)
 
     def excess_message(self, excess: float) -> str:
         """Describe where it is and must be, for an excess in [m]."""
@@ -136,6 +168,8 @@ def link_parts(description: Description) -> list[LinkPart]:
 
 class FloorLimit:
     """Keeps links above the floor."""
+
+    reached = "a link is at the floor"
 
     def __init__(
         self, parts: Sequence[LinkPart], floor: float, but_for: Collection[int] = ()
@@ -200,6 +234,8 @@ class FloorLimit:
 
 class DistanceLimit:
     """Keeps links away from each other."""
+
+    reached = "links are near to each other"
 
     def __init__(
         self, description: Description, collisions: SelfCollisions, distance: float

@@ -1,0 +1,225 @@
+"""Motions in which links follow targets: smooth ones, or sample after sample."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from g1_description.errors import InvalidValueError
+from g1_description.ik.inverse_kinematics import (
+    ZMP,
+    IkOptions,
+    IkResult,
+    InverseKinematics,
+)
+from g1_description.ik.limits import limit_name
+from g1_description.ik.solver import TOLERANCE, Linearization, descend, last, search
+from g1_description.ik.trajectory import Found, Problem, Trajectory, TrajectoryBounds
+from g1_description.motion.motion import Motion
+from g1_description.text import listed
+
+SPEED_SHARE = 0.999
+"""Share of the velocity limits that paths use: others round to the limit itself."""
+
+PATH_STEPS = 20
+"""Most steps from one sample of a path to the next."""
+
+KINDS_OF_BOUNDS = ("limit", "largest velocity", "largest acceleration")
+"""Names of bounds by their order."""
+
+MAX_REASONS = 4
+"""Most bounds and limits in a message."""
+
+
+@dataclass(frozen=True, eq=False)
+class IkPath:
+    """The motion that inverse kinematics found."""
+
+    motion: Motion
+    """With the base, within limits of positions and velocities."""
+
+    results: tuple[IkResult, ...]
+    """Results of the samples."""
+
+    reason: str = ""
+    """A sentence on the bounds and limits that are reached where the first sample
+    misses a target; empty if none does, or without ``smooth``."""
+
+    @property
+    def reached(self) -> bool:
+        """Whether all targets are reached in all samples."""
+        return not self.message
+
+    @property
+    def message(self) -> str:
+        """Sentences on the first sample that misses a target; empty if none does."""
+        missed = [row for row, result in enumerate(self.results) if not result.reached]
+        if not missed:
+            return ""
+        first, count = missed[0], f"{len(missed)} of {len(self.results)} samples"
+        time, message = self.motion.times[first], self.results[first].message
+        text = f"Not all is reached in {count}, first at {time:.2f} s. {message}"
+        return " ".join(part for part in (text, self.reason, self._worst()) if part)
+
+    def _worst(self) -> str:
+        """Say where a target is missed by most."""
+        errors = [
+            (error.position or 0.0, row, name)
+            for row, result in enumerate(self.results)
+            for name, error in result.errors.items()
+        ]
+        error, row, name = max(errors, default=(0.0, 0, ""))
+        if error <= TOLERANCE[0]:
+            return ""
+        time = self.motion.times[row]
+        return f"The largest distance is that of {name}, {error:.3f} m at {time:.2f} s."
+
+
+class PathKinematics(InverseKinematics):
+    """Inverse kinematics of one robot along paths."""
+
+    def path(
+        self,
+        times: np.ndarray,
+        targets: Mapping[str, Any],
+        positions: np.ndarray,
+        base: np.ndarray,
+        options: IkOptions,
+    ) -> IkPath:
+        """Follow targets sample after sample, within velocity limits of joints.
+
+        Args:
+            times: Times of the samples in [s], increasing, shape (n,).
+            targets: As for ``solve``, with an axis of the samples or without, or
+                functions of time.
+            positions: As for ``solve``, before the first sample.
+            base: Pose of the base link at the start.
+            options: Conditions on all configurations; fixed links stay as at the start.
+
+        Raises:
+            G1DescriptionError: As for ``solve``, and if lengths do not match.
+        """
+        _check_times(times)
+        start = self._configuration(positions, base)
+        ways = self._tasks(_at(times, targets), options, start, times)
+        samples = [
+            {name: task.at(row) for name, task in ways.items()}
+            for row in range(len(times))
+        ]
+        tasks, first = self._problem(samples[0], start, options)
+        given, posture = tuple(tasks.values()), start.position
+        view, steps = last(search(self._solver, start, given, first, posture))
+        results = [self._result(tasks, view, steps)]
+        for moved, duration in zip(samples[1:], np.diff(times)):
+            given = tuple({**tasks, **moved}.values())
+            now = view.configuration
+            reach = SPEED_SHARE * self._speed * duration
+            bounds = replace(
+                first,
+                lower=np.maximum(self._lower, now.position - reach),
+                upper=np.minimum(self._upper, now.position + reach),
+            )
+            first_view = self._solver.view(now, given, bounds)
+            view, steps = last(descend(self._solver, first_view, posture, PATH_STEPS))
+            results.append(self._result(tasks, view, steps))
+        return IkPath(self._motion(times, results), tuple(results))
+
+    def trajectory(
+        self,
+        times: np.ndarray,
+        targets: Mapping[str, Any],
+        positions: np.ndarray,
+        base: np.ndarray,
+        options: IkOptions,
+        bounds: TrajectoryBounds,
+    ) -> IkPath:
+        """Follow targets by a smooth motion, found as a whole.
+
+        Args:
+            times: As for ``path``, like all but the last one.
+            targets: Likewise.
+            positions: Likewise.
+            base: Likewise.
+            options: Likewise.
+            bounds: Bounds of velocities and accelerations.
+
+        Raises:
+            G1DescriptionError: As for ``path``.
+        """
+        _check_times(times)
+        is_zmp = options.balance == ZMP
+        options = replace(options, balance=True) if is_zmp else options
+        if len(times) == 1:
+            return self.path(times, targets, positions, base, options)
+        start = self._configuration(positions, base)
+        moved = self._tasks(_at(times, targets), options, start, times)
+        at_first = {name: task.at(0) for name, task in moved.items()}
+        tasks, constraints = self._problem(at_first, start, options)
+        whole = [moved.get(name, task) for name, task in tasks.items()]
+        given = times, whole, constraints, start, bounds, self._speed, is_zmp
+        search_ = Trajectory(self._solver, Problem(*given))
+        found = search_.solve()
+        views = search_.linearizations(found)
+        results = [self._result(tasks, view, found.steps) for view in views]
+        missed = [row for row, result in enumerate(results) if not result.reached]
+        reason = self._reason(search_, found, views, missed[0]) if missed else ""
+        return IkPath(self._motion(times, results), tuple(results), reason)
+
+    def _reason(
+        self,
+        search_: Trajectory,
+        found: Found,
+        views: Sequence[Linearization],
+        row: int,
+    ) -> str:
+        """Describe which bounds and limits are reached around a sample."""
+        names = [*6 * ["the base"], *self._names]
+        phrases = [
+            f"{names[column]} is at its {KINDS_OF_BOUNDS[order]}"
+            for order, column in search_.at_bounds(found, row)
+        ]
+        view = views[row]
+        phrases += [
+            limit_name(limit)
+            for limit, (_, room) in zip(view.bounds.limits, view.approaches)
+            if room.min(initial=np.inf) < TOLERANCE[0]
+        ]
+        if not phrases:
+            return "No limit is reached there: the target is too far away."
+        return f"There {listed([*dict.fromkeys(phrases)][:MAX_REASONS])}."
+
+    def _motion(self, times: np.ndarray, results: Sequence[IkResult]) -> Motion:
+        """Return the motion of results."""
+        return Motion(
+            times,
+            self._names,
+            np.array([result.positions for result in results]),
+            base_poses=np.array([result.base for result in results]),
+        )
+
+
+def _check_times(times: np.ndarray) -> None:
+    """Refuse times that are none, or do not increase."""
+    if times.ndim != 1 or not np.isfinite(times).all():
+        raise InvalidValueError(
+            f"The times of a path must be a row of numbers (got {str(times)[:80]})."
+        )
+    if len(times) == 0:
+        raise InvalidValueError("A path needs at least one sample (got none).")
+    if not (np.diff(times) > 0.0).all():
+        raise InvalidValueError("The times of a path must increase.")
+
+
+def _at(times: np.ndarray, targets: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Evaluate targets that are functions of time."""
+    if not isinstance(targets, Mapping):
+        return targets  # refused with a message
+    return {
+        name: np.array([given(float(time)) for time in times])
+        if callable(given)
+        else given
+        for name, given in targets.items()
+    }
