@@ -93,6 +93,38 @@ def test_the_squares_of_displacements_fall_as_the_matrix_says(g1, seed):
 
 
 @pytest.mark.parametrize("seed", range(5))
+def test_near_the_goal_displacements_change_as_the_matrix_says(g1, seed):
+    """So a turn about an axis that points where it should is none."""
+    base, positions, tasks = drawn(g1, seed)
+    kinematics, random = Kinematics(g1.description), np.random.default_rng(seed)
+    now = Jacobians(kinematics, base, positions)
+    reached = []
+    for task in tasks:
+        poses = now.link_poses[:, task.link]
+        turned = Rotation.from_quat(poses[:, 3:])
+        point = poses[:, :3] + turned.apply(task.point)
+        task = task._replace(pose=np.concatenate([point, poses[:, 3:]], axis=1))
+        aim = None if task.axis is None else turned.apply(task.axis)
+        if task.direction is not None:
+            task = task._replace(direction=aim)
+        elif aim is not None:
+            task = task._replace(look_at=point + 0.6 * aim)
+        reached.append(task)
+    velocities = random.normal(size=(SAMPLES, 6 + positions.shape[1]))
+    points, rows = displaced(reached, now)
+    np.testing.assert_allclose(rows, 0.0, atol=1e-7)
+    rates = (matrix_of(reached, now, points) @ velocities[..., np.newaxis])[..., 0]
+    rates[:, weights_of(reached) == 0.0] = 0.0
+    ahead, behind = (
+        displaced(
+            reached, Jacobians(kinematics, *moved(base, positions, velocities, h))
+        )[1]
+        for h in (1e-5, -1e-5)
+    )
+    np.testing.assert_allclose(rates, (behind - ahead) / 2e-5, atol=1e-4)
+
+
+@pytest.mark.parametrize("seed", range(5))
 def test_errors_are_distances_and_angles(g1, seed):
     base, positions, tasks = drawn(g1, seed)
     now = Jacobians(Kinematics(g1.description), base, positions)
