@@ -7,7 +7,7 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 from trimesh import load
 
-from g1_description import Robot, Target, box_targets
+from g1_description import Robot, Target, box_targets, line
 from g1_description.errors import InvalidValueError
 from g1_description.sim.standing import outlines
 
@@ -161,6 +161,19 @@ def test_on_one_foot_the_default_margin_is_half_the_way_to_its_middle(g1):
     found, middle = margin(g1, result.positions, result.base, FEET[:1])
     assert result.margin == pytest.approx(found, abs=1e-4)
     assert found == pytest.approx(0.5 * middle, abs=1e-3)
+
+
+@pytest.mark.parametrize(("balance", "falls"), [(True, False), (0.01, True)])
+def test_a_slow_reach_with_the_default_margin_does_not_fall_in_physics(
+    g1, balance, falls
+):
+    start = g1.named_configuration("stand")
+    hand = g1.link_poses(start, BASE)["left_rubber_hand"][:3]
+    times, way = line(hand, [0.75, 0.2, 0.8], speed=0.2, period=0.05)
+    path = g1.ik_path(times, {"left_hand": way}, start, BASE, balance=balance)
+    assert path.reached
+    verdict = g1.checker(physics=True).check(path.motion)
+    assert ("fall" in [finding.check for finding in verdict.findings]) == falls
 
 
 def test_a_margin_that_is_missed_is_reported(g1):
