@@ -65,6 +65,16 @@ def test_a_file_maps_names_to_joints_and_joints_to_positions():
     assert parse_poses("# nothing yet\n", "here") == {}
 
 
+def test_a_keyframe_has_a_time_and_a_base_unless_a_joint_has_its_name():
+    key = {"time": 1.5, "base": [0.0, 0.0, 0.8, 0.0, 0.0, 0.0, 1.0], "through": "pass"}
+    pose = Pose("low_1", {"hip": 1.0}, "", "here", key)
+    text = with_pose("", pose, "here")
+    assert parse_poses(text, "here") == {"low_1": pose}
+    assert len(text.splitlines()) == 3
+    old = parse_poses("low: {keyframe: 0.5}", "here")["low"]
+    assert (old.positions, old.keyframe) == ({"keyframe": 0.5}, {})
+
+
 def test_a_pose_may_begin_with_another_one():
     text = "low: &low {knee: 1, hip: 2}\nlower:\n  <<: *low\n  hip: 3\n"
     assert parse_poses(text, "here")["lower"].positions == {"knee": 1.0, "hip": 3.0}
@@ -82,6 +92,15 @@ def test_a_pose_may_begin_with_another_one():
         ("two words: {}", "Invalid name: 'two words'"),
         ("1: {}", "Invalid name: 1. Names must begin with a letter"),
         ("low: {about: 3}", "Pose low of here: about must be text (got 3)."),
+        (
+            "low: {keyframe: {time: 0, base: [0, 0, 1]}}",
+            "Pose low of here: a keyframe must have a time in s, and a base",
+        ),
+        ("low: {keyframe: {time: .nan, base: [0, 0, 0, 0, 0, 0, 1]}}", "finite number"),
+        (
+            "low: {keyframe: {time: 0, base: [0, 0, 0, 0, 0, 0, 1], fixed_links: x}}",
+            "fixed_links must be a list of names.",
+        ),
         ("low: {3: 1.0}", "Pose low of here: names of joints must be text (got 3)."),
         ("low: {}\nhigh: {}\nlow: {}", 'line 3: found duplicate key "low".'),
         ("low:\n  knee: 1\n  knee: 2", 'line 3: found duplicate key "knee".'),

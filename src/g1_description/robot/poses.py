@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from ruamel.yaml import YAML, YAMLError
@@ -44,6 +45,10 @@ class Pose:
 
     place: str = ""
     """The file of the pose."""
+
+    keyframe: Mapping[str, Any] = field(default_factory=dict)
+    """Of a keyframe: its ``time`` in [s] and ``base``, a pose in the map; of the first
+    of a motion also ``through`` and ``fixed_links``; see ``ik.keyframes``."""
 
 
 def find_pose(name: str, poses: Mapping[str, Pose]) -> Pose:
@@ -188,13 +193,19 @@ def _text_of(file: Path) -> str:
 
 
 def save_pose(pose: Pose, file: Path) -> None:
-    """Write a pose to a file; a pose of the same name is replaced.
+    """Write a pose to a file, as by ``save_poses``."""
+    save_poses([pose], file)
+
+
+def save_poses(poses: Collection[Pose], file: Path, old: Collection[str] = ()) -> None:
+    """Write poses to a file; poses of the same names are replaced.
 
     The file is written atomically.
 
     Args:
-        pose: The pose.
+        poses: The poses.
         file: The file; it and its folder need not exist.
+        old: Names of poses in the file that are removed.
 
     Raises:
         G1DescriptionError: If it is in the package, or cannot be read or written.
@@ -207,11 +218,16 @@ def save_pose(pose: Pose, file: Path) -> None:
         )
 
     text = _text_of(file) if file.exists() else ""
-    write_whole(file, with_pose(text, pose, str(file)).encode("utf-8"))
+    for name in old:
+        text = _edited(text, name, None, str(file))
+    for pose in poses:
+        text = with_pose(text, pose, str(file))
+    write_whole(file, text.encode("utf-8"))
 
 
-ABOUT = "about"
-"""Key of a pose's description."""
+ABOUT, KEYFRAME = "about", "keyframe"
+"""Keys of a pose that are no joints: its description, and if it is a mapping, its time
+and base."""
 
 MAX_LINE = 4096
 """Longest line before ruamel.yaml folds it, in characters."""
@@ -265,8 +281,10 @@ def _pose(name: object, value: object, place: str) -> Pose:
         raise PoseFileError(
             f"{pose} must map joints to positions (got {_shown(value)})."
         )
-    joints = {key: position for key, position in value.items() if key != ABOUT}
-    about = value.get(ABOUT, "")
+    joints, keyframe = {**value}, {}
+    about = joints.pop(ABOUT, "")
+    if isinstance(value.get(KEYFRAME), CommentedMap):
+        keyframe = _keyframe(pose, joints.pop(KEYFRAME))
     if not isinstance(about, str):
         raise PoseFileError(f"{pose}: {ABOUT} must be text (got {_shown(about)}).")
     for joint, position in joints.items():
@@ -280,7 +298,27 @@ def _pose(name: object, value: object, place: str) -> Pose:
                 f"{_shown(position)})."
             )
     positions = {str(joint): float(position) for joint, position in joints.items()}
-    return Pose(str(name), positions, _one_line(about), place)
+    return Pose(str(name), positions, _one_line(about), place, keyframe)
+
+
+def _keyframe(pose: str, given: CommentedMap) -> dict[str, Any]:
+    """Read what a pose has as a keyframe."""
+    base, links = given.get("base"), given.get("fixed_links", [])
+    numbers = [given.get("time"), *(base if isinstance(base, list) else [])]
+    is_bool = any(isinstance(number, ScalarBoolean) for number in numbers)
+    if len(numbers) != 8 or is_bool or None in map(finite_number, numbers):
+        raise PoseFileError(
+            f"{pose}: a {KEYFRAME} must have a time in s, and a base, x y z and "
+            "quaternion x y z w, of finite numbers."
+        )
+    texts = [given.get("through", ""), *(links if isinstance(links, list) else [None])]
+    if not all(isinstance(text, str) for text in texts):
+        raise PoseFileError(
+            f"{pose}: through must be text, and fixed_links must be a list of names."
+        )
+    found = {"time": float(numbers[0]), "base": [float(n) for n in numbers[1:]]}
+    given_texts = {"through": str(texts[0]), "fixed_links": [str(n) for n in texts[1:]]}
+    return {**found, **{key: of for key, of in given_texts.items() if key in given}}
 
 
 def _shown(value: object) -> str:
@@ -325,15 +363,19 @@ def with_pose(text: str, pose: Pose, place: str) -> str:
         PoseFileError: If the text is invalid, or in a form that cannot be edited.
         InvalidValueError: If a position in it is not a finite number.
     """
-    pose = replace(pose, about=_one_line(pose.about), place=place)
-    expected = {**parse_poses(text, place), pose.name: pose}
-    about = {ABOUT: pose.about} if pose.about else {}
-    writer = YAML()
-    writer.width = MAX_LINE  # type: ignore[assignment]
-    writer.Representer = _Representer
-    lines = io.StringIO()
-    writer.dump({pose.name: {**about, **pose.positions}}, lines)
-    written = _with_lines(text, _load(text, place), pose.name, lines.getvalue())
+    return _edited(text, pose.name, pose, place)
+
+
+def _edited(text: str, name: str, pose: Pose | None, place: str) -> str:
+    """Write a pose as in ``with_pose``; None: remove that of the name."""
+    expected = parse_poses(text, place)
+    if pose is None:
+        del expected[name]
+    else:
+        pose = replace(pose, about=_one_line(pose.about), place=place)
+        expected[name] = pose
+    new = "" if pose is None else _written(pose)
+    written = _with_lines(text, _load(text, place), name, new)
     try:
         is_same = parse_poses(written, place) == expected
     except (PoseFileError, InvalidValueError):
@@ -344,6 +386,21 @@ def with_pose(text: str, pose: Pose, place: str) -> str:
             "references to other poses."
         )
     return written
+
+
+def _written(pose: Pose) -> str:
+    """Write the lines of a pose."""
+    content: dict[str, object] = {ABOUT: pose.about} if pose.about else {}
+    if pose.keyframe:
+        line = CommentedMap(pose.keyframe)
+        line.fa.set_flow_style()
+        content[KEYFRAME] = line
+    writer = YAML()
+    writer.width = MAX_LINE  # type: ignore[assignment]
+    writer.Representer = _Representer
+    lines = io.StringIO()
+    writer.dump({pose.name: {**content, **pose.positions}}, lines)
+    return lines.getvalue()
 
 
 def _with_lines(text: str, poses: CommentedMap, name: str, new: str) -> str:
