@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from .checks.verdict import Verdict as Verdict
     from .client import Client as Client
     from .ik.inverse_kinematics import IkResult as IkResult
+    from .ik.keyframe_poses import Keyframes as Keyframes
     from .ik.targets import Target as Target
     from .ik.targets import box_targets as box_targets
     from .ik.trajectory import TrajectoryBounds as TrajectoryBounds
@@ -35,6 +36,7 @@ PUBLIC = {
     "Client": "client",
     "Finding": "checks.verdict",
     "IkResult": "ik.inverse_kinematics",
+    "Keyframes": "ik.keyframe_poses",
     "Motion": "motion.motion",
     "Robot": "api",
     "Stream": "stream",

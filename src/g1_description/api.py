@@ -70,6 +70,7 @@ if TYPE_CHECKING:
     from g1_description.checks.verdict import Verdict
     from g1_description.collisions.self_collisions import Contacts, SelfCollisions
     from g1_description.ik.inverse_kinematics import IkResult
+    from g1_description.ik.keyframe_poses import Keyframe, Keyframes
     from g1_description.ik.limits import Limit
     from g1_description.ik.paths import IkPath, PathKinematics
     from g1_description.ik.trajectory import TrajectoryBounds
@@ -492,6 +493,75 @@ class Robot:
         """Return ``ik_trajectory(smooth=False)``, whose former name this is."""
         warn_of_former("Robot.ik_path", "ik_trajectory")
         return self.ik_trajectory(times, targets, start, base, smooth=False, **options)
+
+    def keyframes(
+        self,
+        entries: Sequence[Any],
+        times: Any,
+        fixed_links: Collection[str] | None = None,
+        through: str = "stop",
+    ) -> Keyframes:
+        """Make a smooth motion through keyframes, as in the web UI.
+
+        It keeps to the velocity limits of joints, and the base to 1 m/s, 3 m/s^2 and
+        2 rad/s: times are lengthened for these, and ``message`` names the first one.
+
+        Args:
+            entries: Positions of shape (n_joints,) or by joint, names of poses,
+                results of ``ik``, or pairs of one of these and a pose of the base in
+                the map, shape (7,). Positions are clipped to the limits. Without a
+                base, a robot with feet stands upright on the floor, z = 0, its first
+                fixed link at the place and heading of the keyframe before.
+            times: In [s], increasing, in multiples of 0.02 s, shape (n_keyframes,).
+            fixed_links: Names or roles of the links that stay in between if they are in
+                one place in two successive keyframes, within 1 mm and 0.5 degrees;
+                None: the profile's feet.
+            through: ``stop``: at rest in each keyframe, with minimum jerk in between;
+                ``pass``: a cubic spline without overshoot, at rest where a link
+                begins or ends to stay.
+
+        Returns:
+            The keyframes, with the ``motion`` through them.
+
+        Raises:
+            UnknownNameError: If a pose, joint or link is unknown.
+            InvalidValueError: If an argument is invalid, there are fewer than two
+                keyframes, or times do not increase.
+        """
+        from g1_description.ik.keyframe_poses import keyframes_at
+
+        frames = keyframes_at(self.description, entries, times, fixed_links)
+        return self._through(frames, fixed_links, through)
+
+    def read_keyframes(
+        self, path: str | PathLike[str] | None = None, name: str | None = None
+    ) -> Keyframes:
+        """Read keyframes that ``Keyframes.save`` or the web UI saved.
+
+        Args:
+            path: The file of poses; None: your own, in which the web UI saves.
+            name: The name under which they were saved; None: there is only one.
+
+        Returns:
+            The keyframes, with the motion through them.
+
+        Raises:
+            G1DescriptionError: If the file cannot be read, does not have them, or they
+                do not fit the robot.
+        """
+        from g1_description.ik.keyframe_poses import saved_keyframes
+
+        return self._through(*saved_keyframes(self.description, path, name))
+
+    def _through(
+        self, frames: Sequence[Keyframe], links: Collection[str] | None, through: str
+    ) -> Keyframes:
+        from g1_description.ik.keyframes import keyframe_pieces
+
+        robot, inverse = self.description, self._inverse
+        *_, made = keyframe_pieces(robot, inverse, links, frames, through)
+        assert made is not None
+        return made
 
     def _start(
         self, start: JointValues | None, base: Any

@@ -148,8 +148,10 @@ def test_motions_and_poses_are_saved(page, browser, tmp_path):
         lambda: "lift_2" in browser.element("Go to pose")["options"], "a button"
     )
     assert file.read_bytes() == content
-    pose = read_poses(page.model.description)["lift_2"]
-    assert pose.positions["left_elbow_joint"] == pytest.approx(-0.8)
+    keys = page.model.read_keyframes(name="lift")
+    assert keys.times == (0.0, 1.0)
+    np.testing.assert_allclose(keys.motion.positions, motion.positions, atol=1e-5)
+    np.testing.assert_allclose(keys.motion.base, motion.base, atol=1e-5)
 
 
 def test_a_deleted_motion_is_not_saved(page, browser, tmp_path):

@@ -7,24 +7,9 @@ import math
 import numpy as np
 
 from g1_description.errors import InvalidValueError
-from g1_description.ik.keyframes import (
-    PASS,
-    PERIOD,
-    STOP,
-    Keyframe,
-    KeyframeMotion,
-    keyframe_pieces,
-)
-from g1_description.motion.motion import Motion
-from g1_description.robot.poses import (
-    Pose,
-    check_name,
-    read_file,
-    read_poses,
-    save_pose,
-    user_file,
-)
-from g1_description.web.controls import known
+from g1_description.ik.keyframe_poses import PASS, STOP, Keyframe, Keyframes
+from g1_description.ik.keyframes import PERIOD, keyframe_pieces
+from g1_description.robot.poses import read_file, read_poses, user_file
 from g1_description.web.motion_panel import MotionPanel
 from g1_description.web.panel import Key, RobotPanel
 from g1_description.web.reach_panel import ReachPanel
@@ -60,7 +45,7 @@ class KeyframesPanel(RobotPanel):
         """In the order of their times, the first at 0."""
         self._row = 0
         """The selected one."""
-        self._made: Motion | None = None
+        self._made: Keyframes | None = None
         self._lane = Lane(ui)
         self._motion = self.page.get(MotionPanel)
         self._change = gui.add_button_group(
@@ -81,7 +66,9 @@ class KeyframesPanel(RobotPanel):
             "Times", 0.0, 1.0, PERIOD, (0.0, 1.0), visible=False
         )
         self._way = gui.add_dropdown(
-            "Interpolation", [STOP, PASS], hint="from rest to rest, or smoothly on"
+            "Interpolation",
+            [STOP, PASS],
+            hint="stop at each keyframe, or pass through it smoothly",
         )
         self._name = gui.add_text("Save as", "keyframes", hint="of what is saved")
         self._save = gui.add_button_group(
@@ -149,7 +136,7 @@ class KeyframesPanel(RobotPanel):
         """Move the robot to the selected keyframe."""
         frame = self.frames[self._row]
         opened = self._motion.motions.get(self.robot)
-        if self._made is not None and opened is self._made:
+        if self._made is not None and opened is self._made.motion:
             self._motion.jump(frame.time)
         else:
             self.shown.posing.go((frame.positions, frame.base))
@@ -218,24 +205,16 @@ class KeyframesPanel(RobotPanel):
         self.report("")
         if len(self.frames) > 1:
             robot, inverse = self.robot.description, self.shown.posing.inverse
-            roles, feet = self.shown.posing.roles, self.shown.posing.feet
             frames, way = [*self.frames], str(self._way.value)
-            links = [roles[foot] for foot in feet]
-            pieces = keyframe_pieces(robot, inverse, links, frames, way)
+            pieces = keyframe_pieces(robot, inverse, None, frames, way)
             self._lane.go_through(pieces, self._open, "motion")
 
-    def _open(self, made: KeyframeMotion) -> None:
+    def _open(self, made: Keyframes) -> None:
         """Open the motion: its time line and checks."""
-        pairs = zip((frame.time for frame in self.frames), made.times)
-        slow = [row for row, (old, new) in enumerate(pairs) if new - old > 1e-6]
-        self.frames = [f._replace(time=t) for f, t in zip(self.frames, made.times)]
-        if slow:
+        self.frames, self._made = [*made.frames], made
+        if made.message:
             self._show_frames()
-            self.report(
-                f"Keyframe {slow[0] + 1} is later than set: the velocity limits of the "
-                "joints need more time."
-            )
-        self._made = made.motion
+            self.report(made.message)
         name = self._name.value.strip() or "keyframes"
         at = self.frames[self._row].time
         self._motion.open(name, self.robot, made.motion, at)
@@ -248,31 +227,23 @@ class KeyframesPanel(RobotPanel):
         Raises:
             G1DescriptionError: If there is nothing to save, or it cannot be written.
         """
-        name = self._name.value.strip()
+        name, made = self._name.value.strip(), self._made
+        if made is None:
+            raise InvalidValueError(
+                "There is no motion: add two keyframes, or wait until it is made."
+            )
         if kind == MOTION:
-            if self._made is None:
-                raise InvalidValueError(
-                    "There is no motion: add two keyframes, or wait until it is made."
-                )
-            file = save_motion(name, self._made, self.robot.description)
-            self.ui.notify(f"Saved {file}.", "green")
+            saved = save_motion(name, made.motion, self.robot.description)
+            self.ui.notify(f"Saved {saved}.", "green")
             return
-        if not self.frames:
-            raise InvalidValueError("There is no keyframe: add one first.")
-        check_name(name)
-        names = [f"{name}_{number}" for number in range(1, len(self.frames) + 1)]
         file = user_file()
         used = {*read_poses(self.robot.description)}
         used |= {*read_file(file)} if file.exists() else set()
-        taken = [one for one in names if one in used]
+        taken = [one.name for one in made.poses(name) if one.name in used]
         if taken:
             raise InvalidValueError(
                 f"The pose {taken[0]} already exists: choose another name."
             )
-        joints = [joint.name for joint in self.robot.description.movable_joints]
-        for one, frame in zip(names, self.frames):
-            positions = dict(zip(joints, frame.positions.tolist()))
-            pose = Pose(one, known(positions, self.robot), "keyframe of the browser")
-            save_pose(pose, user_file())
+        made.save(file, name)
         self.page.refresh()
-        self.ui.notify(f"Saved {names[0]} to {names[-1]} in {user_file()}.", "green")
+        self.ui.notify(f"Saved the keyframes {name} in {file}.", "green")
