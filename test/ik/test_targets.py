@@ -112,7 +112,9 @@ def test_palms_hold_a_box_that_moves(g1):
     places = np.linspace([0.35, 0.0, 0.85], [0.4, 0.1, 0.75], 11)
     boxes = np.concatenate([places, Rotation.from_rotvec(yaw).as_quat()], axis=1)
     standing = g1.named_configuration("stand")
-    path = g1.ik_path(times, box_targets(boxes, 0.24), standing, BASE, balance=True)
+    path = g1.ik_trajectory(
+        times, box_targets(boxes, 0.24), standing, BASE, balance=True
+    )
     assert path.reached
     for q, base, box in zip(path.motion.positions, path.motion.base_poses, boxes):
         poses = g1.link_poses(q, base)
@@ -129,7 +131,7 @@ def test_a_path_takes_one_value_for_all_samples_too(g1):
     times, look = np.linspace(0.0, 0.5, 6), np.linspace([2, -0.3, 0], [2, 0.3, 0], 6)
     hand = g1.link_poses(g1.named_configuration("stand"), BASE)["left_rubber_hand"]
     targets = {"head": Target(look_at=look), "left_hand": hand}
-    path = g1.ik_path(times, targets, g1.named_configuration("stand"), BASE)
+    path = g1.ik_trajectory(times, targets, g1.named_configuration("stand"), BASE)
     assert path.reached
     for q, base, goal in zip(path.motion.positions, path.motion.base_poses, look):
         poses = g1.link_poses(q, base)
@@ -163,14 +165,18 @@ def test_on_one_foot_the_default_margin_is_half_the_way_to_its_middle(g1):
     assert found == pytest.approx(0.5 * middle, abs=1e-3)
 
 
-@pytest.mark.parametrize(("balance", "falls"), [(True, False), (0.01, True)])
+@pytest.mark.parametrize(
+    ("balance", "smooth", "falls"), [(True, True, False), (0.01, False, True)]
+)
 def test_a_slow_reach_with_the_default_margin_does_not_fall_in_physics(
-    g1, balance, falls
+    g1, balance, smooth, falls
 ):
     start = g1.named_configuration("stand")
     hand = g1.link_poses(start, BASE)["left_rubber_hand"][:3]
     times, way = line(hand, [0.75, 0.2, 0.8], speed=0.2, period=0.05)
-    path = g1.ik_path(times, {"left_hand": way}, start, BASE, balance=balance)
+    path = g1.ik_trajectory(
+        times, {"left_hand": way}, start, BASE, balance=balance, smooth=smooth
+    )
     assert path.reached
     verdict = g1.checker(physics=True).check(path.motion)
     assert ("fall" in [finding.check for finding in verdict.findings]) == falls
@@ -221,7 +227,7 @@ def test_a_wrong_sample_is_refused_with_its_time(g1):
         (Target(direction=[*wrong, UP], axis=UP), "2 times but 3 targets of head"),
     ):
         with pytest.raises(InvalidValueError, match=problem):
-            g1.ik_path([0.0, 0.5], {"head": target}, base=BASE)
+            g1.ik_trajectory([0.0, 0.5], {"head": target}, base=BASE)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,154 @@
+"""Smooth trajectories along targets, and the splines that they are."""
+
+import numpy as np
+import pytest
+from scipy.interpolate import BSpline
+from scipy.optimize import minimize
+
+from g1_description import Robot, TrajectoryBounds
+from g1_description.errors import InvalidValueError
+from g1_description.ik.splines import Bounds, Quadratic, Rows, basis, excess, minimized
+from g1_description.ik.ways import line
+
+BASE = np.array([0.0, 0.0, 0.7634, 0.0, 0.0, 0.0, 1.0])
+HANDS = "left_hand", "right_hand"
+WHOLE = {"balance": True, "avoid_collisions": True, "floor": 0.0}
+
+
+def rates(rows, times):
+    """Differentiate rows twice, by central differences."""
+    speeds = np.diff(rows, axis=0) / np.diff(times)[:, np.newaxis]
+    changes = np.diff(speeds, axis=0) / np.diff(times)[1:, np.newaxis]
+    return np.abs(speeds).max(axis=0), np.abs(changes).max(axis=0)
+
+
+def assert_is_within(g1, motion, bounds):
+    """Assert that base and joints are within the limits and bounds."""
+    places, turns = motion.base_poses[:, :3], 2.0 * motion.base_poses[:, 3:6]
+    speeds, changes = rates(motion.positions, motion.times)
+    assert (speeds <= g1.velocity_limits).all()
+    assert changes.max() <= bounds.joint_acceleration
+    for rows, fastest, quickest in (
+        (places, bounds.base_speed, bounds.base_acceleration),
+        (turns, bounds.base_turn_rate, bounds.base_turn_acceleration),
+    ):
+        speeds, changes = rates(rows, motion.times)
+        assert speeds.max() <= fastest
+        assert changes.max() <= quickest
+    assert not g1.check(motion, only=("position", "velocity")).findings
+
+
+@pytest.fixture(scope="module")
+def g1():
+    return Robot("g1_29dof")
+
+
+@pytest.fixture(scope="module")
+def hands(g1):
+    """Times, and poses of the hands while they go out, to one side and down."""
+    standing = g1.named_configuration("stand")
+    begin = [g1.link_poses(standing, BASE)[g1.profile.links[one]][:3] for one in HANDS]
+    times, way = line(np.zeros(3), [0.2, -0.15, -0.25], speed=0.15)
+    return standing, times, {one: at + way for one, at in zip(HANDS, begin)}
+
+
+def test_a_path_is_followed_smoothly_and_passes_the_check(g1, hands):
+    standing, times, targets = hands
+    path = g1.ik_trajectory(times, targets, standing, BASE, **WHOLE)
+    assert path.message == ""
+    assert min(result.margin for result in path.results) >= 0.029
+    assert_is_within(g1, path.motion, TrajectoryBounds())
+    assert g1.check(path.motion).findings == ()
+    changes = rates(path.motion.positions, times)[1]
+    assert changes.max() < 5.0  # the hands' accelerations are those of 0.2 Hz
+    ways = {
+        name: lambda time, of=of: of[np.searchsorted(times, time)]
+        for name, of in targets.items()
+    }
+    again = g1.ik_trajectory(times, ways, standing, BASE, **WHOLE)
+    np.testing.assert_array_equal(again.motion.positions, path.motion.positions)
+
+
+def test_what_cannot_be_followed_is_near_smooth_and_explained(g1, hands):
+    standing, times, targets = hands
+    far = {name: of.copy() for name, of in targets.items()}
+    far["left_hand"][60:90, 0] += 0.5
+    bounds = TrajectoryBounds(base_speed=0.3, joint_acceleration=8.0)
+    path = g1.ik_trajectory(times, far, standing, BASE, bounds=bounds, **WHOLE)
+    missed = [row for row, result in enumerate(path.results) if not result.reached]
+    assert 30 <= missed[0] <= 60
+    assert path.message.startswith(
+        f"Not all is reached in {len(missed)} of {len(times)} samples, first at "
+        f"{times[missed[0]]:.2f} s. Not reached: left_hand is "
+    )
+    assert "left_elbow_joint is at its largest acceleration" in path.message
+    assert "The largest distance is that of left_hand" in path.message
+    assert_is_within(g1, path.motion, bounds)
+    checked = g1.check(path.motion, only=("skating", "drift", "jump", "base_jump"))
+    assert checked.findings == ()
+
+
+def test_the_zero_moment_point_is_kept_inside_where_that_is_needed(g1, hands):
+    standing, times, targets = hands
+    fast = times / 4.0
+    margins = [
+        g1.check(
+            g1.ik_trajectory(fast, targets, standing, BASE, balance=balance).motion
+        ).figures["least_zmp_margin"]
+        for balance in (True, "zmp")
+    ]
+    assert margins[0] < 0.0
+    assert margins[1] > 0.0
+    with pytest.raises(InvalidValueError, match="is for smooth trajectories"):
+        g1.ik({"left_hand": targets["left_hand"][0]}, standing, BASE, balance="zmp")
+
+
+@pytest.mark.parametrize("value", [0.0, np.nan, "fast", True])
+def test_a_wrong_bound_is_refused(value):
+    with pytest.raises(InvalidValueError, match="base_speed must be a number greater"):
+        TrajectoryBounds(base_speed=value)
+
+
+def test_samples_see_control_points_as_those_of_b_splines():
+    count, period, begin = 9, 0.2, 3.0
+    times = np.random.default_rng(0).uniform(begin, begin + 6 * period, 30)
+    knots = begin + period * np.arange(-3, count + 1)
+    for order in range(3):
+        spline = BSpline(knots, np.eye(count), 3).derivative(order)
+        found = basis(times, begin, period, count, order).toarray()
+        np.testing.assert_allclose(found, spline(times), rtol=0, atol=1e-9)
+
+
+def test_the_least_squares_are_those_of_scipy():
+    random, count, columns = np.random.default_rng(0), 9, 3
+    seen = basis(np.sort(random.uniform(0.0, 1.0, 40)), 0.0, 1.0 / 6.0, count)
+    matrix, goals = random.normal(size=(40, 4, columns)), random.normal(size=(40, 4))
+    quadratic = Quadratic(count, columns)
+    quadratic.add_samples(seen, np.swapaxes(matrix, 1, 2) @ matrix)
+    quadratic.gradient -= seen.T @ np.einsum("nij,ni->nj", matrix, goals)
+    for order in range(4):
+        weights = np.full((count - order, columns), 0.1 * (order + 1))
+        quadratic.add_differences(order, weights)
+    limits = [
+        Bounds(order, -edge, edge, 1e3) for order, edge in enumerate((0.2, 0.1, 0.05))
+    ]
+    samples = np.sort(random.integers(0, 5, 12))
+    samples[:5] = np.arange(5)
+    samples.sort()
+    given = random.normal(size=(12, columns)), random.uniform(0.0, 0.1, 12)
+    limits.append(Rows(seen.tocsr()[[3, 9, 20, 31, 38]], samples, *given, 1e2))
+
+    def cost(flat):
+        points = flat.reshape(count, columns)
+        errors = np.einsum("nij,nj->ni", matrix, seen @ points) - goals
+        found = (errors**2).sum()
+        for order in range(4):
+            found += 0.1 * (order + 1) * (np.diff(points, order, axis=0) ** 2).sum()
+        for one in limits:
+            found += one.weight * (excess(one, one.values(points)) ** 2).sum()
+        return 0.5 * found
+
+    least = minimize(cost, np.zeros(count * columns), options={"gtol": 1e-8})
+    found = minimized(quadratic, limits).ravel()
+    begin = cost(np.zeros(count * columns))
+    assert cost(found) - least.fun < 1e-2 * (begin - least.fun)
