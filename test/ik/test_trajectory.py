@@ -1,5 +1,7 @@
 """Smooth trajectories along targets, and the splines that they are."""
 
+import re
+
 import numpy as np
 import pytest
 from scipy.interpolate import BSpline
@@ -81,7 +83,7 @@ def test_what_cannot_be_followed_is_near_smooth_and_explained(g1, hands):
         f"Not all is reached in {len(missed)} of {len(times)} samples, first at "
         f"{times[missed[0]]:.2f} s. Not reached: left_hand is "
     )
-    assert "left_elbow_joint is at its largest acceleration" in path.message
+    assert re.search("There .*_joint is at its largest accel", path.message)
     assert "The largest distance is that of left_hand" in path.message
     assert_is_within(g1, path.motion, bounds)
     checked = g1.check(path.motion, only=("skating", "drift", "jump", "base_jump"))

@@ -16,6 +16,7 @@ from g1_description.ik.keyframe_poses import (
     links_that_stay,
 )
 from g1_description.ik.solver import TOLERANCE
+from g1_description.ik.trajectory import TrajectoryBounds
 from g1_description.motion.motion import Motion
 from g1_description.robot.assembly import root_in_base
 from g1_description.robot.description import Description
@@ -25,9 +26,6 @@ from g1_description.robot.transform import compose
 
 PERIOD = 0.02
 """Time between samples in [s]; keyframes are at multiples of it."""
-
-BASE_SPEED, BASE_ACCELERATION, BASE_TURN = 1.0, 3.0, 2.0
-"""Bounds of the motion of the base, in [m/s], [m/s^2] and [rad/s]."""
 
 SPEED_SHARE = 0.99
 """Share of the limits of velocity and of the base's bounds that motions use."""
@@ -181,16 +179,16 @@ class _Between:
             uses it. An acceleration counts by its square root, as it falls with the
             square of the duration.
         """
-        base = motion.base_poses
+        base, bounds = motion.base_poses, TrajectoryBounds()
         assert base is not None
         steps = np.diff(base[:, :3], axis=0) / PERIOD
         rests = np.zeros((1, 3))
         changes = np.diff(np.concatenate([rests, steps, rests]), axis=0) / PERIOD
-        quick = np.sqrt(np.linalg.norm(changes, axis=1) / BASE_ACCELERATION)
+        quick = np.sqrt(np.linalg.norm(changes, axis=1) / bounds.base_acceleration)
         turns = angle_between(base[:-1, 3:], base[1:, 3:]) / PERIOD
         fastest = [
-            np.linalg.norm(steps, axis=1) / BASE_SPEED,
-            turns / BASE_TURN,
+            np.linalg.norm(steps, axis=1) / bounds.base_speed,
+            turns / bounds.base_turn_rate,
             np.maximum(quick[:-1], quick[1:]),
         ]
         joints = np.abs(np.diff(motion.positions, axis=0)) / PERIOD / self._speed

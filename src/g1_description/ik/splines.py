@@ -174,10 +174,13 @@ class Rows:
 
     def add_squares(self, quadratic: Quadratic, weights: np.ndarray) -> None:
         """Add the weighted squares of values."""
-        first = np.searchsorted(self.samples, np.arange(self.weights.shape[0]))
         scaled = weights[:, np.newaxis] * self.rates
-        squares = scaled[:, :, np.newaxis] * self.rates[:, np.newaxis]
-        quadratic.add_samples(self.weights, np.add.reduceat(squares, first, axis=0))
+        ends = np.searchsorted(self.samples, np.arange(self.weights.shape[0] + 1))
+        squares = [
+            self.rates[begin:end].T @ scaled[begin:end]
+            for begin, end in zip(ends, ends[1:])
+        ]
+        quadratic.add_samples(self.weights, np.array(squares))
 
     def pulls(self, forces: np.ndarray) -> np.ndarray:
         """Return what forces on the values do to control points."""
