@@ -51,6 +51,7 @@ from .ik import ik
 from .peer import Peer
 from .physics import physics
 from .rewind import rewind
+from .trajectories import trajectories
 from processes import marked_processes
 from tcpros import ANSWER, Service, body_of, packed, received
 
@@ -818,6 +819,7 @@ PARTS = {
         foot,
         physics,
         ik,
+        trajectories,
         checks,
         folder,
         page,
