@@ -478,9 +478,14 @@ class Robot:
         )
         begin, pose = self._start(start, base)
         given = as_numbers(times, "time"), targets, begin, pose, options
+        if not isinstance(smooth, (bool, np.bool_)):
+            raise InvalidValueError(
+                f"smooth must be True or False (got {str(smooth)[:80]})."
+            )
         if not smooth:
             return self._inverse.path(*given)
-        return self._inverse.trajectory(*given, bounds or TrajectoryBounds())
+        limited = TrajectoryBounds() if bounds is None else bounds
+        return self._inverse.trajectory(*given, limited)
 
     def ik_path(
         self,

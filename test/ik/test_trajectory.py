@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 from scipy.optimize import minimize
+from scipy.spatial.transform import Rotation
 
 from g1_description import Robot, TrajectoryBounds
 from g1_description.errors import InvalidValueError
@@ -26,7 +27,9 @@ def rates(rows, times):
 
 def assert_is_within(g1, motion, bounds):
     """Assert that base and joints are within the limits and bounds."""
-    places, turns = motion.base_poses[:, :3], 2.0 * motion.base_poses[:, 3:6]
+    places = motion.base_poses[:, :3]
+    relative = Rotation.from_quat(motion.base_poses[:, 3:])
+    turns = (relative[1:] * relative[:-1].inv()).as_rotvec().cumsum(axis=0)
     speeds, changes = rates(motion.positions, motion.times)
     assert (speeds <= g1.velocity_limits).all()
     assert changes.max() <= bounds.joint_acceleration
@@ -34,7 +37,7 @@ def assert_is_within(g1, motion, bounds):
         (places, bounds.base_speed, bounds.base_acceleration),
         (turns, bounds.base_turn_rate, bounds.base_turn_acceleration),
     ):
-        speeds, changes = rates(rows, motion.times)
+        speeds, changes = rates(rows, motion.times[-len(rows) :])
         assert speeds.max() <= fastest
         assert changes.max() <= quickest
     assert not g1.check(motion, only=("position", "velocity")).findings
@@ -109,6 +112,35 @@ def test_the_zero_moment_point_is_kept_inside_where_that_is_needed(g1, hands):
 def test_a_wrong_bound_is_refused(value):
     with pytest.raises(InvalidValueError, match="base_speed must be a number greater"):
         TrajectoryBounds(base_speed=value)
+
+
+@pytest.mark.parametrize(
+    ("given", "problem"),
+    [
+        ({"bounds": {"base_speed": 1.0}}, "bounds must be TrajectoryBounds"),
+        ({"smooth": "no"}, "smooth must be True or False"),
+        ({"targets": {"head": lambda t: np.zeros(2)}}, "function of head must return"),
+        ({"targets": {"head": lambda t: np.zeros(3 + (t > 0.5))}}, "at each time"),
+        ({"balance": "zmp", "smooth": False}, "is for smooth trajectories"),
+    ],
+)
+def test_a_wrong_request_is_refused_in_a_sentence(g1, given, problem):
+    request = {"times": [0.0, 1.0], "targets": {"left_hand": np.ones((2, 3))}}
+    with pytest.raises(InvalidValueError, match=problem):
+        g1.ik_trajectory(**{**request, **given})
+
+
+def test_the_base_may_turn_further_than_half_a_turn(g1):
+    times = np.linspace(0.0, 8.0, 101)
+    yaw = 0.7 * times
+    turned = np.zeros((101, 7))
+    turned[:, 2], turned[:, 5] = 0.8, np.sin(0.5 * yaw)
+    turned[:, 6] = np.cos(0.5 * yaw)
+    path = g1.ik_trajectory(
+        times, {"pelvis": turned}, base=BASE, fixed_links=(), base_motion="free"
+    )
+    assert path.message == ""
+    assert_is_within(g1, path.motion, TrajectoryBounds())
 
 
 def test_samples_see_control_points_as_those_of_b_splines():

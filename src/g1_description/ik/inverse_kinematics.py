@@ -194,7 +194,8 @@ class InverseKinematics:
         self._names = tuple(joint.name for joint in joints)
         self._lower = np.array([joint.lower for joint in joints])
         self._upper = np.array([joint.upper for joint in joints])
-        self._speed = np.array([joint.velocity for joint in joints])
+        speed = np.array([joint.velocity for joint in joints], dtype=float)
+        self._speed = np.where(speed > 0.0, speed, np.inf)  # 0 means unknown
         self._shapes = [link for link in description.links if link.name != WORLD]
         self.links = [link.name for link in self._shapes]
         self._T_base_root = root_in_base(description)

@@ -30,6 +30,9 @@ PATH_STEPS = 20
 KINDS_OF_BOUNDS = ("limit", "largest velocity", "largest acceleration")
 """Names of bounds by their order."""
 
+FORMS = (3,), (7,)
+"""Shapes of positions and poses."""
+
 MAX_REASONS = 4
 """Most bounds and limits in a message."""
 
@@ -150,6 +153,10 @@ class PathKinematics(InverseKinematics):
             G1DescriptionError: As for ``path``.
         """
         _check_times(times)
+        if not isinstance(bounds, TrajectoryBounds):
+            raise InvalidValueError(
+                f"bounds must be TrajectoryBounds(...) (got {str(bounds)[:80]})."
+            )
         is_zmp = options.balance == ZMP
         options = replace(options, balance=True) if is_zmp else options
         if len(times) == 1:
@@ -188,7 +195,9 @@ class PathKinematics(InverseKinematics):
             if room.min(initial=np.inf) < TOLERANCE[0]
         ]
         if not phrases:
-            return "No limit is reached there: the target is too far away."
+            return (
+                "No limit is reached there: it is out of reach, or changes too quickly."
+            )
         return f"There {listed([*dict.fromkeys(phrases)][:MAX_REASONS])}."
 
     def _motion(self, times: np.ndarray, results: Sequence[IkResult]) -> Motion:
@@ -217,9 +226,14 @@ def _at(times: np.ndarray, targets: Mapping[str, Any]) -> Mapping[str, Any]:
     """Evaluate targets that are functions of time."""
     if not isinstance(targets, Mapping):
         return targets  # refused with a message
-    return {
-        name: np.array([given(float(time)) for time in times])
-        if callable(given)
-        else given
-        for name, given in targets.items()
-    }
+    found = dict(targets)
+    for name, given in targets.items():
+        if callable(given):
+            rows = [np.asarray(given(float(time))) for time in times]
+            if len({row.shape for row in rows}) > 1 or rows[0].shape not in FORMS:
+                raise InvalidValueError(
+                    f"The function of {name} must return a position x y z, or a pose x "
+                    f"y z and quaternion x y z w, at each time (got {rows[-1]})."
+                )
+            found[name] = np.array(rows)
+    return found

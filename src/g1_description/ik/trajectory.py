@@ -406,8 +406,13 @@ class Trajectory:
             ].configuration
             found.append(now)
         roots = np.array([one.root for one in found])
-        turns = multiply(roots[:, 3:], conjugate(self._reference))
-        parts = roots[:, :3], to_rotation_vector(turns), [one.position for one in found]
+        turns = to_rotation_vector(multiply(roots[:, 3:], conjugate(self._reference)))
+        for before, turn in zip(turns, turns[1:]):
+            angle = float(np.linalg.norm(turn))
+            other = turn * (1.0 - 2.0 * np.pi / max(angle, 1e-9))
+            if np.linalg.norm(other - before) < np.linalg.norm(turn - before):
+                turn[:] = other  # the same rotation, beyond half a turn
+        parts = roots[:, :3], turns, [one.position for one in found]
         columns = np.concatenate(parts, axis=1)
         begin = problem.times[0]
         centers = begin + self._period * (np.arange(self._count) - 1)
