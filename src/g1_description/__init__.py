@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from .client import Client as Client
     from .ik.inverse_kinematics import IkResult as IkResult
     from .ik.keyframe_poses import Keyframes as Keyframes
+    from .ik.sampled import TrajectoryBounds as TrajectoryBounds
     from .ik.targets import Target as Target
     from .ik.targets import box_targets as box_targets
-    from .ik.trajectory import TrajectoryBounds as TrajectoryBounds
     from .ik.ways import arc as arc
     from .ik.ways import line as line
     from .ik.ways import turn as turn
@@ -41,7 +41,7 @@ PUBLIC = {
     "Robot": "api",
     "Stream": "stream",
     "Target": "ik.targets",
-    "TrajectoryBounds": "ik.trajectory",
+    "TrajectoryBounds": "ik.sampled",
     "Verdict": "checks.verdict",
     "arc": "ik.ways",
     "box_targets": "ik.targets",

@@ -16,8 +16,9 @@ from g1_description.ik.inverse_kinematics import (
     InverseKinematics,
 )
 from g1_description.ik.limits import limit_name
+from g1_description.ik.sampled import Problem, TrajectoryBounds
 from g1_description.ik.solver import TOLERANCE, Linearization, descend, last, search
-from g1_description.ik.trajectory import Found, Problem, Trajectory, TrajectoryBounds
+from g1_description.ik.trajectory import Found, Trajectory
 from g1_description.motion.motion import Motion
 from g1_description.text import listed
 

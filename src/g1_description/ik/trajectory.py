@@ -8,62 +8,28 @@ Wright, Numerical Optimization, 2006, chapters 10 and 18.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import replace
 from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
-from scipy import sparse
 
-from g1_description.errors import InvalidValueError
-from g1_description.ik.limits import (
-    BalanceLimit,
-    DistanceLimit,
-    FloorLimit,
-    Limit,
-    checked_approach,
-)
+from g1_description.ik.sampled import PERIOD, Problem, SampledSplines, View
 from g1_description.ik.solver import (
     HARD,
     POSTURE,
     TOLERANCE,
     Configuration,
-    IkConstraints,
     IkSolver,
     Linearization,
     descend,
     last,
     search,
 )
-from g1_description.ik.splines import (
-    Bounds,
-    Quadratic,
-    Rows,
-    basis,
-    excess,
-    minimized,
-)
-from g1_description.ik.tasks import (
-    LinkTask,
-    displaced,
-    errors_of,
-    matrix_of,
-    weights_of,
-)
-from g1_description.robot.dynamics import GRAVITY, RobotMotion, inverse_dynamics
-from g1_description.robot.jacobians import Jacobians
-from g1_description.robot.rotation import (
-    conjugate,
-    from_rotation_vector,
-    multiply,
-    normalized,
-    to_rotation_vector,
-)
-
-PERIOD = 0.1
-"""Time between the knots of splines in [s]: motions of up to 3 Hz are followed."""
+from g1_description.ik.splines import Bounds, Quadratic, Rows, excess, minimized
+from g1_description.ik.tasks import errors_of, matrix_of, weights_of
+from g1_description.robot.rotation import conjugate, multiply, to_rotation_vector
 
 GUESS_PERIOD = 0.3
 """Time between the configurations that are searched first, in [s]."""
@@ -121,91 +87,12 @@ LEAST_GAIN = 0.03
 """Relative decrease of the cost at which steps end."""
 
 
-@dataclass(frozen=True)
-class TrajectoryBounds:
-    """Largest velocities and accelerations of a trajectory."""
-
-    base_speed: float = 1.0
-    """Of the root link along each of the world's axes, in [m/s]."""
-
-    base_acceleration: float = 3.0
-    """Likewise, in [m/s^2]."""
-
-    base_turn_rate: float = 2.0
-    """Of the root link about each axis, in [rad/s]."""
-
-    base_turn_acceleration: float = 10.0
-    """Likewise, in [rad/s^2]."""
-
-    joint_acceleration: float = 20.0
-    """Of each joint, in [rad/s^2] or [m/s^2]; its velocity is that of the robot's file
-    at most."""
-
-    def __post_init__(self) -> None:
-        """Check the numbers.
-
-        Raises:
-            InvalidValueError: If one is not greater than 0.
-        """
-        for name, value in vars(self).items():
-            is_number = isinstance(value, (int, float, np.number))
-            if isinstance(value, bool) or not is_number or not value > 0.0:
-                raise InvalidValueError(
-                    f"{name} must be a number greater than 0 (got {str(value)[:80]})."
-                )
-
-
-class Problem(NamedTuple):
-    """What a trajectory should do."""
-
-    times: np.ndarray
-    """In [s], increasing, at least two, shape (n,)."""
-
-    tasks: Sequence[LinkTask]
-    """With the axis of the samples."""
-
-    constraints: IkConstraints
-    start: Configuration
-    """Where the search begins, and the posture to prefer."""
-
-    bounds: TrajectoryBounds
-    speeds: np.ndarray
-    """Largest velocities of joints in [rad/s] or [m/s], shape (n_joints,)."""
-
-    balances_zmp: bool = False
-    """Whether balance is that of the zero-moment point, not of the centre of mass."""
-
-
-class View(NamedTuple):
-    """A trajectory at its samples."""
-
-    control: np.ndarray
-    """Control points, shape (count, n_columns)."""
-
-    columns: np.ndarray
-    """Positions of the root, rotation vectors from its first rotation, and joints,
-    shape (n, n_columns)."""
-
-    roots: np.ndarray
-    """Poses of the root link in the world, shape (n, 7)."""
-
-    jacobians: Jacobians
-    points: np.ndarray
-    """Points of tasks in the world, shape (n, n_tasks, 3)."""
-
-    displacements: np.ndarray
-    """From the tasks, shape (n, n_rows)."""
-
-
 class Found(NamedTuple):
     """A trajectory with its limits and cost."""
 
     view: View
     rows: list[Rows]
     """Limits at some samples."""
-
-    regular: Quadratic
-    """Cost of accelerations and of other postures."""
 
     cost: float
     badness: float
@@ -215,48 +102,20 @@ class Found(NamedTuple):
     """Number of steps."""
 
 
-class _Approached(NamedTuple):
-    """A limit at samples."""
-
-    rows: np.ndarray
-    """Of the samples, shape (n,)."""
-
-    rates: np.ndarray
-    """By columns, shape (n, n_columns)."""
-
-    room: np.ndarray
-    """In [m], shape (n,)."""
-
-    weights: sparse.csr_matrix
-    """How much all samples see of control points, shape (n_samples, count)."""
-
-
 class Trajectory:
     """The search of one trajectory."""
 
     def __init__(self, solver: IkSolver, problem: Problem) -> None:
         """Prepare it."""
         self._solver, self._problem = solver, problem
-        times, start = problem.times, problem.start
-        duration = float(times[-1] - times[0])
-        knots = max(1, math.ceil(duration / PERIOD - 1e-9))
-        self._period, self._count = duration / knots, knots + 3
-        given = times, float(times[0]), self._period, self._count
-        self._basis, *self._rates = (basis(*given, order).tocsr() for order in range(3))
-        self._share = self._count / len(times)
+        self._splines = SampledSplines(solver, problem)
+        self._share = self._splines.count / len(problem.times)
         self._weights = weights_of(problem.tasks)
-        self._reference = start.root[3:]
-        self._moves = np.append(problem.constraints.base, np.ones(len(start.position)))
-        self._limited = self._rows(PERIOD)
+        self._limited = self._splines.rows(PERIOD)
+        start = problem.start
+        self._posture = np.concatenate([start.root[:3], np.zeros(3), start.position])
         self._choose_bounds()
-
-    def _rows(self, period: float) -> np.ndarray:
-        """Return the rows of samples a period apart, the first and last ones too."""
-        times = self._problem.times
-        count = max(2, math.ceil((times[-1] - times[0]) / period) + 1)
-        ideal = np.linspace(times[0], times[-1], count)
-        nearest = np.searchsorted(times, ideal - 1e-9)
-        return np.unique(np.minimum(nearest, len(times) - 1))
+        self._regular = self._regular_cost()
 
     def _choose_bounds(self) -> None:
         """Set bounds of differences of control points, shape (n_columns,)."""
@@ -267,84 +126,6 @@ class Trajectory:
         joints = np.full(len(speeds), given.joint_acceleration)
         self._fastest = SHARE * np.append(fastest, speeds)
         self._quickest = SHARE * np.append(quickest, joints)
-
-    # --- from control points to samples ---
-
-    def view(self, control: np.ndarray) -> View:
-        """Compare a trajectory with its tasks.
-
-        Args:
-            control: Control points, shape (count, n_columns).
-        """
-        columns = self._basis @ control
-        turns = from_rotation_vector(columns[:, 3:6])
-        reference = np.broadcast_to(self._reference, turns.shape)
-        rotations = normalized(multiply(turns, reference))
-        roots = np.concatenate([columns[:, :3], rotations], axis=1)
-        jacobians = Jacobians(self._solver.kinematics, roots, columns[:, 6:])
-        points, displacements = displaced(self._problem.tasks, jacobians)
-        return View(control, columns, roots, jacobians, points, displacements)
-
-    def _approach(self, limit: Limit, view: View, rows: np.ndarray) -> _Approached:
-        """Linearize a limit at samples given by their rows."""
-        placed = view.roots[rows], view.columns[rows, 6:]
-        some = Jacobians(self._solver.kinematics, *placed)
-        weights = self._basis
-        if self._problem.balances_zmp and isinstance(limit, BalanceLimit):
-            points, levers = self._zero_moment_points(view, rows, limit.floor)
-            samples, (rates, room) = limit.approaches(some, points)
-            lever = sparse.diags(np.bincount(rows, levers, weights.shape[0]))
-            weights = (weights - lever @ self._rates[1]).tocsr()
-        elif isinstance(limit, (BalanceLimit, DistanceLimit, FloorLimit)):
-            samples, (rates, room) = limit.approaches(some)
-        else:
-            each = (Jacobians(self._solver.kinematics, *one) for one in zip(*placed))
-            width = view.columns.shape[1]
-            found = [checked_approach(limit, one, width) for one in each]
-            samples = np.repeat(np.arange(len(rows)), [len(room) for _, room in found])
-            rates, room = (np.concatenate(part) for part in zip(*found))
-        rows = rows[samples]
-        rates = self._in_columns(rates[:, np.newaxis], view.columns[rows])[:, 0]
-        return _Approached(rows, rates, room, weights)
-
-    def _zero_moment_points(
-        self, view: View, rows: np.ndarray, floor: float
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Compute the zero-moment points on a floor of a height in [m].
-
-        Returns:
-            In the world, in [m], shape (n, 2), and how far they are moved by an
-            acceleration of the centre of mass, in [s^2], shape (n,).
-        """
-        columns, rates, changes = (
-            view.columns[rows],
-            *(one[rows] @ view.control for one in self._rates),
-        )
-        turning = _left_jacobian(columns[:, 3:6])
-        for part in (rates, changes):
-            part[:, 3:6] = (turning @ part[:, 3:6, np.newaxis])[..., 0]
-        motion = RobotMotion(
-            view.roots[rows],
-            columns[:, 6:],
-            rates[:, :6],
-            rates[:, 6:],
-            changes[:, :6],
-            changes[:, 6:],
-        )
-        found = inverse_dynamics(self._solver.kinematics, self._solver.masses, motion)
-        force, moment = np.split(found.root_wrench, 2, axis=1)
-        upward = np.maximum(force[:, 2:], 1e-3 * GRAVITY * self._solver.masses.total)
-        places = np.stack([-moment[:, 1], moment[:, 0]], axis=1)
-        places = (places + floor * force[:, :2]) / upward
-        return places, (found.center_of_mass[:, 2] - floor) / GRAVITY
-
-    def _in_columns(self, rates: np.ndarray, columns: np.ndarray) -> np.ndarray:
-        """Turn rates by the root's twist, shape (n, m, n_columns), into ours."""
-        found = self._moves * rates
-        found[..., 3:6] = found[..., 3:6] @ _left_jacobian(columns[:, 3:6])
-        return found
-
-    # --- search ---
 
     def solve(self) -> Found:
         """Search from the nearest configuration, and from another one if that misses.
@@ -390,7 +171,7 @@ class Trajectory:
             else task
             for task in problem.tasks
         ]
-        rows = self._rows(GUESS_PERIOD)
+        rows = self._splines.rows(GUESS_PERIOD)
         found = [now]
         for row, duration in zip(rows[1:], np.diff(problem.times[rows])):
             reach = self._fastest[6:] * duration
@@ -401,12 +182,13 @@ class Trajectory:
             )
             view = self._solver.view(now, [task.at(row) for task in tasks], bounds)
             posture = problem.start.position
-            now = last(descend(self._solver, view, posture, GUESS_STEPS))[
-                0
-            ].configuration
+            best, _ = last(descend(self._solver, view, posture, GUESS_STEPS))
+            now = best.configuration
             found.append(now)
         roots = np.array([one.root for one in found])
-        turns = to_rotation_vector(multiply(roots[:, 3:], conjugate(self._reference)))
+        turns = to_rotation_vector(
+            multiply(roots[:, 3:], conjugate(problem.start.root[3:]))
+        )
         for before, turn in zip(turns, turns[1:]):
             angle = float(np.linalg.norm(turn))
             other = turn * (1.0 - 2.0 * np.pi / max(angle, 1e-9))
@@ -414,8 +196,7 @@ class Trajectory:
                 turn[:] = other  # the same rotation, beyond half a turn
         parts = roots[:, :3], turns, [one.position for one in found]
         columns = np.concatenate(parts, axis=1)
-        begin = problem.times[0]
-        centers = begin + self._period * (np.arange(self._count) - 1)
+        centers = self._splines.centers
         each = [np.interp(centers, problem.times[rows], column) for column in columns.T]
         return self._smoothed(np.stack(each, axis=1))
 
@@ -452,14 +233,14 @@ class Trajectory:
 
     def _state(self, control: np.ndarray) -> Found:
         """Compute the cost of control points, and what a step needs."""
-        view = self.view(control)
+        view = self._splines.view(control)
         factors = self._factors(view)
         squares = (self._weights * view.displacements) ** 2 * factors
         # Half as steep as a square, from FAR on.
         cost = self._share * float((squares * (2.0 - factors)).sum())
         rows = []
         for limit in self._problem.constraints.limits:
-            near = self._approach(limit, view, self._limited)
+            near = self._splines.approach(limit, view, self._limited)
             cost += HARD**2 * float((np.minimum(near.room, 0.0) ** 2).sum())
             if len(near.room):
                 seen, which = np.unique(near.rows, return_inverse=True)
@@ -468,13 +249,12 @@ class Trajectory:
         for each in self._soft_bounds():
             squares = excess(each, each.values(control)) ** 2
             cost += each.weight * float(squares.sum())
-        regular = self._regular()
-        pulled = control - self._posture()
-        cost += float((pulled * regular.product(pulled)).sum())
+        pulled = control - self._posture
+        cost += float((pulled * self._regular.product(pulled)).sum())
         beyond = max([0.0, *(float(-row.upper.min(initial=0.0)) for row in rows)])
         errors = errors_of(view.displacements) / TOLERANCE
         badness = max(float(errors.max(initial=0.0)), beyond / TOLERANCE[0])
-        return Found(view, rows, regular, cost, badness)
+        return Found(view, rows, cost, badness)
 
     def at_bounds(self, found: Found, row: int) -> list[tuple[int, int]]:
         """Find what is at its bounds around a sample.
@@ -482,14 +262,15 @@ class Trajectory:
         Returns:
             Pairs of an order, from 0 of positions to 2 of accelerations, and a column.
         """
-        seen, reached = self._basis[row].indices, []
+        seen, reached = self._splines.weights[row].indices, []
         for each in self._soft_bounds():
-            values = each.values(found.view.control)[
-                seen[0] : seen[-1] + 1 - each.order
-            ]
-            room = np.minimum(each.upper - values, values - each.lower)[...]
+            values = each.values(found.view.control)
+            values = values[seen[0] : seen[-1] + 1 - each.order]
+            room = np.minimum(each.upper - values, values - each.lower)
             near = AT_BOUND * np.minimum(each.upper - each.lower, 1.0)
-            columns = np.flatnonzero((room < near).any(axis=0) & (self._moves > 0.0))
+            columns = np.flatnonzero(
+                (room < near).any(axis=0) & (self._splines.moves > 0.0)
+            )
             reached += [(each.order, column) for column in columns.tolist()]
         return reached
 
@@ -499,13 +280,15 @@ class Trajectory:
         every = np.arange(len(view.roots))
         parts = []
         for limit in given.limits:
-            near = self._approach(limit, view, every)
+            near = self._splines.approach(limit, view, every)
             ends = np.searchsorted(near.rows, np.append(every, len(every)))
             parts.append([near.room[a:b] for a, b in zip(ends, ends[1:])])
         none = np.zeros((0, 0))
+        # Limits are soft: joints may be beyond theirs by 1e-5 rad.
+        positions = np.clip(view.columns[:, 6:], given.lower, given.upper)
         return [
             Linearization(
-                Configuration(view.roots[row], view.columns[row, 6:]),
+                Configuration(view.roots[row], positions[row]),
                 [task.at(row) for task in self._problem.tasks],
                 given,
                 view.jacobians,
@@ -531,26 +314,23 @@ class Trajectory:
         """Return the bounds of control points and their differences."""
         given, free = self._problem.constraints, np.full(6, np.inf)
         low, high = np.append(-free, given.lower), np.append(free, given.upper)
-        fastest = self._period * self._fastest
-        quickest = self._period**2 * self._quickest
+        fastest = self._splines.period * self._fastest
+        quickest = self._splines.period**2 * self._quickest
         return [
             Bounds(0, low, high, BOUND_WEIGHT),
             Bounds(1, -fastest, fastest, BOUND_WEIGHT),
             Bounds(2, -quickest, quickest, BOUND_WEIGHT),
         ]
 
-    def _posture(self) -> np.ndarray:
-        """Return the columns to prefer."""
-        start = self._problem.start
-        return np.concatenate([start.root[:3], np.zeros(3), start.position])
-
-    def _regular(self) -> Quadratic:
+    def _regular_cost(self) -> Quadratic:
         """Return the cost of accelerations and of other postures."""
-        width = len(self._moves)
-        found = Quadratic(self._count, width)
+        width = len(self._splines.moves)
+        found = Quadratic(self._splines.count, width)
         posture = np.append(np.zeros(6), np.full(width - 6, POSTURE**2))
-        found.add_differences(0, np.tile(posture, (self._count, 1)))
-        smooth = np.full((self._count - 2, width), SMOOTHNESS / self._period**4)
+        found.add_differences(0, np.tile(posture, (self._splines.count, 1)))
+        smooth = np.full(
+            (self._splines.count - 2, width), SMOOTHNESS / self._splines.period**4
+        )
         found.add_differences(2, smooth)
         return found
 
@@ -559,16 +339,18 @@ class Trajectory:
         view, control = state.view, state.view.control
         matrix = matrix_of(self._problem.tasks, view.jacobians, view.points)
         weights = self._weights * np.sqrt(self._factors(view))
-        matrix = self._in_columns(weights[..., np.newaxis] * matrix, view.columns)
+        matrix = self._splines.in_columns(
+            weights[..., np.newaxis] * matrix, view.columns
+        )
         turned = np.swapaxes(matrix, 1, 2)
         desired = (weights * view.displacements)[..., np.newaxis]
         quadratic = Quadratic(*control.shape)
-        quadratic.add_samples(self._basis, self._share * (turned @ matrix))
-        quadratic.blocks += state.regular.blocks
+        quadratic.add_samples(self._splines.weights, self._share * (turned @ matrix))
+        quadratic.blocks += self._regular.blocks
         quadratic.add_differences(0, np.full(control.shape, DAMPING))
         pulls = (turned @ desired)[..., 0]
-        quadratic.gradient[:] = -self._share * (self._basis.T @ pulls)
-        quadratic.gradient += state.regular.product(control - self._posture())
+        quadratic.gradient[:] = -self._share * (self._splines.weights.T @ pulls)
+        quadratic.gradient += self._regular.product(control - self._posture)
         moved = [
             replace(each, lower=each.lower - now, upper=each.upper - now)
             for each in self._soft_bounds()
@@ -579,22 +361,4 @@ class Trajectory:
             lower=np.clip(moved[0].lower, -largest, 0.0),
             upper=np.clip(moved[0].upper, 0.0, largest),
         )
-        return self._moves * minimized(quadratic, [*moved, *state.rows])
-
-
-def _left_jacobian(vectors: np.ndarray) -> np.ndarray:
-    """Compute what turns rates of rotation vectors into angular velocities.
-
-    Args:
-        vectors: Shape (n, 3), in [rad].
-
-    Returns:
-        Shape (n, 3, 3). Source: Barfoot, State Estimation for Robotics, 2017, 7.77.
-    """
-    angle = np.maximum(np.linalg.norm(vectors, axis=-1), 1e-6)[
-        :, np.newaxis, np.newaxis
-    ]
-    cross = np.cross(np.eye(3), vectors[:, np.newaxis])
-    first = (1.0 - np.cos(angle)) / angle**2
-    second = (angle - np.sin(angle)) / angle**3
-    return np.eye(3) + first * cross + second * (cross @ cross)
+        return self._splines.moves * minimized(quadratic, [*moved, *state.rows])

@@ -1,0 +1,247 @@
+"""Splines of base and joints at samples, and how tasks and limits see them there."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy import sparse
+
+from g1_description.errors import InvalidValueError
+from g1_description.ik.limits import (
+    BalanceLimit,
+    DistanceLimit,
+    FloorLimit,
+    Limit,
+    checked_approach,
+)
+from g1_description.ik.solver import Configuration, IkConstraints, IkSolver
+from g1_description.ik.splines import basis
+from g1_description.ik.tasks import LinkTask, displaced
+from g1_description.robot.dynamics import GRAVITY, RobotMotion, inverse_dynamics
+from g1_description.robot.jacobians import Jacobians
+from g1_description.robot.rotation import from_rotation_vector, multiply, normalized
+
+PERIOD = 0.1
+"""Time between the knots of splines in [s]: motions of up to 3 Hz are followed."""
+
+
+@dataclass(frozen=True)
+class TrajectoryBounds:
+    """Largest velocities and accelerations of a trajectory."""
+
+    base_speed: float = 1.0
+    """Of the root link along each of the world's axes, in [m/s]."""
+
+    base_acceleration: float = 3.0
+    """Likewise, in [m/s^2]."""
+
+    base_turn_rate: float = 2.0
+    """Of the root link about each axis, in [rad/s]."""
+
+    base_turn_acceleration: float = 10.0
+    """Likewise, in [rad/s^2]."""
+
+    joint_acceleration: float = 20.0
+    """Of each joint, in [rad/s^2] or [m/s^2]; its velocity is that of the robot's file
+    at most."""
+
+    def __post_init__(self) -> None:
+        """Check the numbers.
+
+        Raises:
+            InvalidValueError: If one is not greater than 0.
+        """
+        for name, value in vars(self).items():
+            is_number = isinstance(value, (int, float, np.number))
+            if isinstance(value, bool) or not is_number or not value > 0.0:
+                raise InvalidValueError(
+                    f"{name} must be a number greater than 0 (got {str(value)[:80]})."
+                )
+
+
+class Problem(NamedTuple):
+    """What a trajectory should do."""
+
+    times: np.ndarray
+    """In [s], increasing, at least two, shape (n,)."""
+
+    tasks: Sequence[LinkTask]
+    """With the axis of the samples."""
+
+    constraints: IkConstraints
+    start: Configuration
+    """Where the search begins, and the posture to prefer."""
+
+    bounds: TrajectoryBounds
+    speeds: np.ndarray
+    """Largest velocities of joints in [rad/s] or [m/s], shape (n_joints,)."""
+
+    balances_zmp: bool = False
+    """Whether balance is that of the zero-moment point, not of the centre of mass."""
+
+
+class View(NamedTuple):
+    """A trajectory at its samples."""
+
+    control: np.ndarray
+    """Control points, shape (count, n_columns)."""
+
+    columns: np.ndarray
+    """Positions of the root, rotation vectors from its first rotation, and joints,
+    shape (n, n_columns)."""
+
+    roots: np.ndarray
+    """Poses of the root link in the world, shape (n, 7)."""
+
+    jacobians: Jacobians
+    points: np.ndarray
+    """Points of tasks in the world, shape (n, n_tasks, 3)."""
+
+    displacements: np.ndarray
+    """From the tasks, shape (n, n_rows)."""
+
+
+class Approached(NamedTuple):
+    """A limit at samples, linearized."""
+
+    rows: np.ndarray
+    """Of the samples, shape (n,)."""
+
+    rates: np.ndarray
+    """By columns, shape (n, n_columns)."""
+
+    room: np.ndarray
+    """In [m], shape (n,)."""
+
+    weights: sparse.csr_matrix
+    """How much all samples see of control points, shape (n_samples, count)."""
+
+
+class SampledSplines:
+    """Maps control points of base and joints to samples.
+
+    Columns are positions of the root link, a rotation vector from its rotation at the
+    start, and positions of joints.
+    """
+
+    def __init__(self, solver: IkSolver, problem: Problem) -> None:
+        """Place the knots."""
+        self._solver, self._problem = solver, problem
+        times, start = problem.times, problem.start
+        duration = float(times[-1] - times[0])
+        knots = max(1, math.ceil(duration / PERIOD - 1e-9))
+        self.period = duration / knots
+        """Time between knots, in [s]."""
+        self.count = knots + 3
+        """Number of control points."""
+        given = times, float(times[0]), self.period, self.count
+        self.weights, *self._rates = (
+            basis(*given, order).tocsr() for order in range(3)
+        )
+        self.moves = np.append(problem.constraints.base, np.ones(len(start.position)))
+        """1 where a column may change, shape (n_columns,)."""
+
+    @property
+    def centers(self) -> np.ndarray:
+        """Return the times at which control points count most, shape (count,)."""
+        return self._problem.times[0] + self.period * (np.arange(self.count) - 1)
+
+    def rows(self, period: float) -> np.ndarray:
+        """Return the rows of samples a period apart, the first and last ones too."""
+        times = self._problem.times
+        count = max(2, math.ceil((times[-1] - times[0]) / period) + 1)
+        ideal = np.linspace(times[0], times[-1], count)
+        nearest = np.searchsorted(times, ideal - 1e-9)
+        return np.unique(np.minimum(nearest, len(times) - 1))
+
+    def view(self, control: np.ndarray) -> View:
+        """Compare a trajectory with its tasks.
+
+        Args:
+            control: Control points, shape (count, n_columns).
+        """
+        columns = self.weights @ control
+        turns = from_rotation_vector(columns[:, 3:6])
+        reference = np.broadcast_to(self._problem.start.root[3:], turns.shape)
+        rotations = normalized(multiply(turns, reference))
+        roots = np.concatenate([columns[:, :3], rotations], axis=1)
+        jacobians = Jacobians(self._solver.kinematics, roots, columns[:, 6:])
+        points, displacements = displaced(self._problem.tasks, jacobians)
+        return View(control, columns, roots, jacobians, points, displacements)
+
+    def approach(self, limit: Limit, view: View, rows: np.ndarray) -> Approached:
+        """Linearize a limit at samples given by their rows."""
+        placed = view.roots[rows], view.columns[rows, 6:]
+        some = Jacobians(self._solver.kinematics, *placed)
+        weights = self.weights
+        if self._problem.balances_zmp and isinstance(limit, BalanceLimit):
+            points, levers = self._zero_moment_points(view, rows, limit.floor)
+            samples, (rates, room) = limit.approaches(some, points)
+            lever = sparse.diags(np.bincount(rows, levers, weights.shape[0]))
+            weights = (weights - lever @ self._rates[1]).tocsr()
+        elif isinstance(limit, (BalanceLimit, DistanceLimit, FloorLimit)):
+            samples, (rates, room) = limit.approaches(some)
+        else:
+            each = (Jacobians(self._solver.kinematics, *one) for one in zip(*placed))
+            width = view.columns.shape[1]
+            found = [checked_approach(limit, one, width) for one in each]
+            samples = np.repeat(np.arange(len(rows)), [len(room) for _, room in found])
+            rates, room = (np.concatenate(part) for part in zip(*found))
+        rows = rows[samples]
+        rates = self.in_columns(rates[:, np.newaxis], view.columns[rows])[:, 0]
+        return Approached(rows, rates, room, weights)
+
+    def _zero_moment_points(
+        self, view: View, rows: np.ndarray, floor: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Compute the zero-moment points on a floor of a height in [m].
+
+        Returns:
+            In the world, in [m], shape (n, 2), and how far they are moved by an
+            acceleration of the centre of mass, in [s^2], shape (n,).
+        """
+        columns = view.columns[rows]
+        rates, changes = (one[rows] @ view.control for one in self._rates)
+        turning = _left_jacobian(columns[:, 3:6])
+        for part in (rates, changes):
+            part[:, 3:6] = (turning @ part[:, 3:6, np.newaxis])[..., 0]
+        motion = RobotMotion(
+            view.roots[rows],
+            columns[:, 6:],
+            rates[:, :6],
+            rates[:, 6:],
+            changes[:, :6],
+            changes[:, 6:],
+        )
+        found = inverse_dynamics(self._solver.kinematics, self._solver.masses, motion)
+        force, moment = np.split(found.root_wrench, 2, axis=1)
+        upward = np.maximum(force[:, 2:], 1e-3 * GRAVITY * self._solver.masses.total)
+        places = np.stack([-moment[:, 1], moment[:, 0]], axis=1)
+        places = (places + floor * force[:, :2]) / upward
+        return places, (found.center_of_mass[:, 2] - floor) / GRAVITY
+
+    def in_columns(self, rates: np.ndarray, columns: np.ndarray) -> np.ndarray:
+        """Turn rates by the root's twist, shape (n, m, n_columns), into ours."""
+        found = self.moves * rates
+        found[..., 3:6] = found[..., 3:6] @ _left_jacobian(columns[:, 3:6])
+        return found
+
+
+def _left_jacobian(vectors: np.ndarray) -> np.ndarray:
+    """Compute what turns rates of rotation vectors into angular velocities.
+
+    Args:
+        vectors: Shape (n, 3), in [rad].
+
+    Returns:
+        Shape (n, 3, 3). Source: Barfoot, State Estimation for Robotics, 2017, 7.77.
+    """
+    angle = np.maximum(np.linalg.norm(vectors, axis=-1), 1e-6)[:, None, None]
+    cross = np.cross(np.eye(3), vectors[:, np.newaxis])
+    first = (1.0 - np.cos(angle)) / angle**2
+    second = (angle - np.sin(angle)) / angle**3
+    return np.eye(3) + first * cross + second * (cross @ cross)
