@@ -120,3 +120,10 @@ def test_what_is_no_motion_is_told(words, changes):
         arrays[name] = value
     with pytest.raises(MotionError, match=words):
         Motion(**arrays)
+
+
+def test_a_motion_is_printed_by_its_size():
+    """Numbers of thousands of samples would hide all else in a terminal."""
+    motion = Motion(np.array([0.0, 0.5]), ("a", "b"), np.zeros((2, 2)))
+    text = "<Motion: 2 samples from 0 to 0.5 s, 2 joints, without a base>"
+    assert repr(motion) == text

@@ -64,6 +64,14 @@ class Motion:
     name: str = ""
     """Name in the file; else the name of the file without the extension."""
 
+    def __repr__(self) -> str:
+        """Show its size."""
+        base = "without a base" if self.base_poses is None else "with a base"
+        return (
+            f"<Motion: {len(self.times)} samples from {self.times[0]:g} to "
+            f"{self.times[-1]:g} s, {len(self.joint_names)} joints, {base}>"
+        )
+
     def __post_init__(self) -> None:
         """Check the numbers."""
         n_samples, n_joints = len(self.times), len(self.joint_names)
