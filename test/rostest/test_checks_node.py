@@ -243,7 +243,7 @@ class TestChecks(unittest.TestCase):
         knee = JointState(name=[KNEE], position=[math.nan])
         for targets, request, words in (
             ({"left_hnad": [0.0] * 3}, {}, "Unknown link 'left_hnad'"),
-            ({"left_hand": [math.nan, 0.0, 0.0]}, {}, "target of left_hand must be"),
+            ({"left_hand": [math.nan, 0.0, 0.0]}, {}, "position of left_hand must be"),
             (hand, {"frame": "nowhere"}, "nothing publishes it on /tf"),
             (hand, {"joint_state": nowhere}, "state of the robot is unknown"),
             (hand, {"joint_state": knee}, "must be finite"),
