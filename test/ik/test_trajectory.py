@@ -53,7 +53,7 @@ def hands(g1):
     """Times, and poses of the hands while they go out, to one side and down."""
     standing = g1.named_configuration("stand")
     begin = [g1.link_poses(standing, BASE)[g1.profile.links[one]][:3] for one in HANDS]
-    times, way = line(np.zeros(3), [0.2, -0.15, -0.25], speed=0.15)
+    times, way = line(np.zeros(3), [0.2, -0.15, -0.25], speed=0.25)
     return standing, times, {one: at + way for one, at in zip(HANDS, begin)}
 
 
@@ -95,7 +95,7 @@ def test_what_cannot_be_followed_is_near_smooth_and_explained(g1, hands):
 
 def test_the_zero_moment_point_is_kept_inside_where_that_is_needed(g1, hands):
     standing, times, targets = hands
-    fast = times / 4.0
+    fast = 1.1 * times / times[-1]
     margins = [
         g1.check(
             g1.ik_trajectory(fast, targets, standing, BASE, balance=balance).motion
