@@ -79,12 +79,21 @@ def test_what_cannot_be_followed_is_near_smooth_and_explained(g1, hands):
     far = {name: of.copy() for name, of in targets.items()}
     far["left_hand"][60:90, 0] += 0.5
     bounds = TrajectoryBounds(base_speed=0.3, joint_acceleration=8.0)
-    path = g1.ik_trajectory(times, far, standing, BASE, bounds=bounds, **WHOLE)
+    path = g1.ik_trajectory(
+        times,
+        far,
+        standing,
+        BASE,
+        bounds=bounds,
+        weights={"left_hand": np.inf},  # which the feet and balance must not mind
+        **WHOLE,
+    )
+    assert min(result.margin for result in path.results) > 0.028
     missed = [row for row, result in enumerate(path.results) if not result.reached]
     assert 30 <= missed[0] <= 60
     assert path.message.startswith(
         f"Not all is reached in {len(missed)} of {len(times)} samples, first at "
-        f"{times[missed[0]]:.2f} s. Not reached: left_hand is "
+        f"{times[missed[0]]:.2f} s. Not reached: "
     )
     assert re.search("There .*_joint is at its largest accel", path.message)
     assert "The largest distance is that of left_hand" in path.message
@@ -122,6 +131,8 @@ def test_a_wrong_bound_is_refused(value):
         ({"targets": {"head": lambda t: np.zeros(2)}}, "function of head must return"),
         ({"targets": {"head": lambda t: np.zeros(3 + (t > 0.5))}}, "at each time"),
         ({"balance": "zmp", "smooth": False}, "is for smooth trajectories"),
+        ({"times": [0.0, 2000.0]}, "lasts from 0.001 to 300 s .got 2000."),
+        ({"targets": {3: np.ones(3)}}, "by the names of links .got 3"),
     ],
 )
 def test_a_wrong_request_is_refused_in_a_sentence(g1, given, problem):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from oracle import angle_of
 from scipy.spatial.transform import Rotation, Slerp
 
 from g1_description import arc, line, turn
@@ -57,7 +58,7 @@ def test_ways_keep_to_speeds_and_go_where_they_should(seed, speed, acceleration,
     for row, given_pose in ((0, start), (-1, end)):
         np.testing.assert_allclose(way[row, :3], given_pose[:3], atol=1e-9)
         away = turns[row].inv() * Rotation.from_quat(given_pose[3:])
-        assert away.magnitude() < 1e-6
+        assert angle_of(away) < 1e-6
     if kind == "arc":
         nearest = np.linalg.norm(way[:, :3] - middle[:3], axis=1).min()
         assert nearest < 0.005 * speed
@@ -67,7 +68,7 @@ def test_ways_keep_to_speeds_and_go_where_they_should(seed, speed, acceleration,
         shares = np.linalg.norm(way[:, :3] - start[:3], axis=1)
         slerp = Slerp([0.0, shares[-1]], Rotation.from_quat([start[3:], end[3:]]))
         apart = slerp(np.minimum(shares, shares[-1])) * turns.inv()
-        assert apart.magnitude().max() < 1e-6
+        assert np.linalg.norm(apart.as_rotvec(), axis=1).max() < 1e-6
 
 
 @pytest.mark.parametrize(

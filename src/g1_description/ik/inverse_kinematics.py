@@ -163,8 +163,9 @@ class IkResult:
     distances where these are requested."""
 
     margin: float | None
-    """Distance of the centre of mass from the nearest edge of what supports the robot,
-    in [m], negative outside; None without balance."""
+    """Distance of the centre of mass, or of the zero-moment point where that keeps the
+    balance, from the nearest edge of what supports the robot, in [m], negative outside;
+    None without balance."""
 
     steps: int
     """Number of steps of the solver."""

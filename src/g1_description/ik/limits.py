@@ -47,6 +47,11 @@ def checked_approach(limit: Limit, jacobians: Jacobians, n_columns: int) -> Appr
         InvalidValueError: If it does not return what ``Approach`` says.
     """
     found = limit.approach(jacobians)
+    if not (isinstance(found, tuple) and len(found) == 2):
+        raise InvalidValueError(
+            f"{type(limit).__name__}.approach must return rates and room (got "
+            f"{str(found)[:80]})."
+        )
     rates, room = (np.asarray(part, dtype=float) for part in found)
     fits = room.ndim == 1 and rates.shape == (len(room), n_columns)
     if not fits or not (np.isfinite(rates).all() and np.isfinite(room).all()):
@@ -66,7 +71,8 @@ def limit_name(limit: Limit) -> str:
 class BalanceLimit:
     """Keeps the centre of mass above a polygon, a margin from its edges."""
 
-    reached = "the centre of mass is at its margin from the edge"
+    subject = "centre of mass"
+    """What keeps the margin; the zero-moment point in trajectories that say so."""
 
     def __init__(
         self,
@@ -135,7 +141,12 @@ class BalanceLimit:
         inside = 1e3 * (self.margin - excess)
         place = f"{abs(inside):.0f} mm {'inside' if inside > 0.0 else 'outside'} of"
         needed = f", not at least {1e3 * self.margin:.0f} mm inside"
-        return f"the centre of mass is {place} what supports the robot{needed}"
+        return f"the {self.subject} is {place} what supports the robot{needed}"
+
+    @property
+    def reached(self) -> str:
+        """Describe that it is reached."""
+        return f"the {self.subject} is at its margin from the edge"
 
 
 class LinkPart(NamedTuple):

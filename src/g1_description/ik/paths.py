@@ -15,9 +15,10 @@ from g1_description.ik.inverse_kinematics import (
     IkResult,
     InverseKinematics,
 )
-from g1_description.ik.limits import limit_name
+from g1_description.ik.limits import BalanceLimit, limit_name
 from g1_description.ik.sampled import Problem, TrajectoryBounds
 from g1_description.ik.solver import TOLERANCE, Linearization, descend, last, search
+from g1_description.ik.tasks import LinkTask
 from g1_description.ik.trajectory import Found, Trajectory
 from g1_description.motion.motion import Motion
 from g1_description.text import listed
@@ -33,6 +34,12 @@ KINDS_OF_BOUNDS = ("limit", "largest velocity", "largest acceleration")
 
 FORMS = (3,), (7,)
 """Shapes of positions and poses."""
+
+MAX_WEIGHT = 10.0
+"""Largest weight of a target: a tenth of that of fixed links."""
+
+SHORTEST, LONGEST = 1e-3, 300.0
+"""Durations of trajectories, in [s]: longer ones take gigabytes."""
 
 MAX_REASONS = 4
 """Most bounds and limits in a message."""
@@ -158,14 +165,23 @@ class PathKinematics(InverseKinematics):
             raise InvalidValueError(
                 f"bounds must be TrajectoryBounds(...) (got {str(bounds)[:80]})."
             )
+        duration = float(times[-1] - times[0])
+        if len(times) > 1 and not SHORTEST <= duration <= LONGEST:
+            raise InvalidValueError(
+                f"A trajectory lasts from {SHORTEST:g} to {LONGEST:g} s (got "
+                f"{duration:g}). Times are in s; smooth=False takes any."
+            )
         is_zmp = options.balance == ZMP
         options = replace(options, balance=True) if is_zmp else options
         if len(times) == 1:
             return self.path(times, targets, positions, base, options)
         start = self._configuration(positions, base)
-        moved = self._tasks(_at(times, targets), options, start, times)
+        moved = _bounded(self._tasks(_at(times, targets), options, start, times))
         at_first = {name: task.at(0) for name, task in moved.items()}
         tasks, constraints = self._problem(at_first, start, options)
+        for limit in constraints.limits:
+            if is_zmp and isinstance(limit, BalanceLimit):
+                limit.subject = "zero-moment point"
         whole = [moved.get(name, task) for name, task in tasks.items()]
         given = times, whole, constraints, start, bounds, self._speed, is_zmp
         search_ = Trajectory(self._solver, Problem(*given))
@@ -209,6 +225,16 @@ class PathKinematics(InverseKinematics):
             np.array([result.positions for result in results]),
             base_poses=np.array([result.base for result in results]),
         )
+
+
+def _bounded(tasks: Mapping[str, LinkTask]) -> dict[str, LinkTask]:
+    """Bound the weights of targets, so that limits and fixed links prevail."""
+    return {
+        name: task._replace(
+            weights=task.weights * min(1.0, MAX_WEIGHT / task.weights.max())
+        )
+        for name, task in tasks.items()
+    }
 
 
 def _check_times(times: np.ndarray) -> None:

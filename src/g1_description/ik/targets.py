@@ -70,14 +70,14 @@ class Target:
 
 
 def box_targets(
-    pose: Any, width: float, left: str = "left_palm", right: str = "right_palm"
+    pose: Any, width: Any, left: str = "left_palm", right: str = "right_palm"
 ) -> dict[str, Target]:
     """Put both palms on the sides of a box, facing each other.
 
     Args:
         pose: Pose of the centre of the box in the world, x y z in [m] and quaternion
             x y z w, shape (..., 7); its y axis goes from the right palm to the left.
-        width: Of the box along its y axis, in [m].
+        width: Of the box along its y axis, in [m], a number or of shape (...).
         left: Link or named point of the left palm.
         right: That of the right palm.
 
@@ -87,15 +87,18 @@ def box_targets(
     Raises:
         InvalidValueError: If pose or width is invalid.
     """
-    poses = as_poses(pose, "box")
-    if not is_number(width) or not 0.0 <= width <= FARTHEST_POINT:
+    poses, widths = as_poses(pose, "box"), _numbers(width)
+    fits = widths.shape in ((), poses.shape[:-1])
+    if not fits or not ((widths >= 0.0) & (widths <= FARTHEST_POINT)).all():
         raise InvalidValueError(
-            f"The width of the box must be in m, from 0 to {FARTHEST_POINT:g} (got "
-            f"{width})."
+            f"The width of the box must be in m, from 0 to {FARTHEST_POINT:g}, one or "
+            f"as many as there are poses (got {str(width)[:40]})."
         )
     left_side = rotate(poses[..., 3:], np.array([0.0, 1.0, 0.0]))
     return {
-        name: Target(poses[..., :3] + 0.5 * width * side, direction=-side)
+        name: Target(
+            poses[..., :3] + 0.5 * widths[..., np.newaxis] * side, direction=-side
+        )
         for name, side in ((left, left_side), (right, -left_side))
     }
 
@@ -225,6 +228,11 @@ def check_mapping(label: str, given: object) -> None:
     if not isinstance(given, Mapping):
         raise InvalidValueError(
             f"{label} must be a dictionary by link (got {str(given)[:80]})."
+        )
+    wrong = [key for key in given if not isinstance(key, str)]
+    if wrong:
+        raise InvalidValueError(
+            f"{label} must be a dictionary by the names of links (got {wrong[0]!r})."
         )
 
 

@@ -153,7 +153,7 @@ class Trajectory:
             begin = start._replace(position=np.clip(drawn, given.lower, given.upper))
             view = self._solver.view(begin, first.tasks, given)
             found, _ = last(descend(self._solver, view, start.position))
-            apart = np.abs(found.configuration.position - position).max()
+            apart = np.abs(found.configuration.position - position).max(initial=0.0)
             if apart > DIFFERENT and found.badness <= max(1.0, first.badness):
                 yield found.configuration
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from g1_description.errors import InvalidValueError
-from g1_description.ik.targets import is_number
+from g1_description.ik.targets import FARTHEST, is_number
 from g1_description.robot.arrays import as_numbers, as_poses
 from g1_description.robot.rotation import (
     cross,
@@ -185,6 +185,11 @@ def _timed(
     period: float,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Find the times of samples, and the shares of the way until then, shape (n,)."""
+    if length > FARTHEST:
+        raise InvalidValueError(
+            f"The way is {length:.3g} m long: places are in m, at most {FARTHEST:g} m "
+            "apart."
+        )
     options = {
         "speed": speed,
         "turn_speed": turn_speed,
