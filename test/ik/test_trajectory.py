@@ -90,7 +90,7 @@ def test_what_cannot_be_followed_is_near_smooth_and_explained(g1, hands):
     )
     assert min(result.margin for result in path.results) > 0.028
     missed = [row for row, result in enumerate(path.results) if not result.reached]
-    assert 30 <= missed[0] <= 60
+    assert 10 <= missed[0] <= 60
     assert path.message.startswith(
         f"Not all is reached in {len(missed)} of {len(times)} samples, first at "
         f"{times[missed[0]]:.2f} s. Not reached: "

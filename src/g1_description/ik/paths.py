@@ -56,8 +56,8 @@ class IkPath:
     """Results of the samples."""
 
     reason: str = ""
-    """A sentence on the bounds and limits that are reached where the first sample
-    misses a target; empty if none does, or without ``smooth``."""
+    """Sentences on the bounds and limits that are reached where a target is missed by
+    most, and that are exceeded; empty if none is missed, or without ``smooth``."""
 
     @property
     def reached(self) -> bool:
@@ -73,7 +73,7 @@ class IkPath:
         first, count = missed[0], f"{len(missed)} of {len(self.results)} samples"
         time, message = self.motion.times[first], self.results[first].message
         text = f"Not all is reached in {count}, first at {time:.2f} s. {message}"
-        return " ".join(part for part in (text, self.reason, self._worst()) if part)
+        return " ".join(part for part in (text, self._worst(), self.reason) if part)
 
     def _worst(self) -> str:
         """Say where a target is missed by most."""
@@ -189,7 +189,13 @@ class PathKinematics(InverseKinematics):
         views = search_.linearizations(found)
         results = [self._result(tasks, view, found.steps) for view in views]
         missed = [row for row, result in enumerate(results) if not result.reached]
-        reason = self._reason(search_, found, views, missed[0]) if missed else ""
+        reason = ""
+        if missed:
+            largest = max(
+                missed, key=lambda row: views[row].errors[:, 0].max(initial=0)
+            )
+            reason = self._reason(search_, found, views, largest)
+            reason += _excesses(times, views)
         return IkPath(self._motion(times, results), tuple(results), reason)
 
     def _reason(
@@ -225,6 +231,18 @@ class PathKinematics(InverseKinematics):
             np.array([result.positions for result in results]),
             base_poses=np.array([result.base for result in results]),
         )
+
+
+def _excesses(times: np.ndarray, views: Sequence[Linearization]) -> str:
+    """Say which limits are exceeded, by how much at most, and when."""
+    texts = []
+    for number, limit in enumerate(views[0].bounds.limits):
+        excesses = [view.excesses[number] for view in views]
+        row = int(np.argmax(excesses))
+        if excesses[row] > TOLERANCE[0]:
+            message = limit.excess_message(excesses[row])
+            texts.append(f" At {times[row]:.2f} s {message}.")
+    return "".join(texts)
 
 
 def _bounded(tasks: Mapping[str, LinkTask]) -> dict[str, LinkTask]:

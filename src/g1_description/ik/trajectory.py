@@ -49,6 +49,10 @@ AT_BOUND = 0.01
 SHARE = 0.98
 """Share of the bounds that splines use, as limits are soft."""
 
+TURN_SHARE = 0.8
+"""Share of the bounds of turns: rates of rotation vectors are not quite those of turns
+about the axes."""
+
 BOUND_WEIGHT = 1e5
 """Weight of squared excesses over bounds, in units of control points' differences."""
 
@@ -120,7 +124,8 @@ class Trajectory:
     def _choose_bounds(self) -> None:
         """Set bounds of differences of control points, shape (n_columns,)."""
         given, speeds = self._problem.bounds, self._problem.speeds
-        turning = given.base_turn_rate, given.base_turn_acceleration
+        rates = np.array([given.base_turn_rate, given.base_turn_acceleration])
+        turning = TURN_SHARE * rates
         fastest = np.repeat([given.base_speed, turning[0]], 3)
         quickest = np.repeat([given.base_acceleration, turning[1]], 3)
         joints = np.full(len(speeds), given.joint_acceleration)
