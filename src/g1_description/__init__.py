@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from .client import Client as Client
     from .ik.inverse_kinematics import IkResult as IkResult
     from .ik.keyframe_poses import Keyframes as Keyframes
-    from .ik.sampled import TrajectoryBounds as TrajectoryBounds
+    from .ik.limits import TrajectoryBounds as TrajectoryBounds
     from .ik.targets import Target as Target
     from .ik.targets import box_targets as box_targets
     from .ik.ways import arc as arc
@@ -41,7 +41,7 @@ PUBLIC = {
     "Robot": "api",
     "Stream": "stream",
     "Target": "ik.targets",
-    "TrajectoryBounds": "ik.sampled",
+    "TrajectoryBounds": "ik.limits",
     "Verdict": "checks.verdict",
     "arc": "ik.ways",
     "box_targets": "ik.targets",

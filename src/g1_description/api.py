@@ -71,9 +71,8 @@ if TYPE_CHECKING:
     from g1_description.collisions.self_collisions import Contacts, SelfCollisions
     from g1_description.ik.inverse_kinematics import IkResult
     from g1_description.ik.keyframe_poses import Keyframe, Keyframes
-    from g1_description.ik.limits import Limit
+    from g1_description.ik.limits import Limit, TrajectoryBounds
     from g1_description.ik.paths import IkPath, PathKinematics
-    from g1_description.ik.sampled import TrajectoryBounds
     from g1_description.msg import RobotTrajectory
 
 _IK_ARGUMENTS = {"hold": "fixed_links", "collisions": "avoid_collisions"}
@@ -464,7 +463,7 @@ class Robot:
             InvalidValueError: If an argument is invalid.
         """
         from g1_description.ik.inverse_kinematics import IkOptions
-        from g1_description.ik.sampled import TrajectoryBounds
+        from g1_description.ik.limits import TrajectoryBounds
 
         options = IkOptions(
             fixed_links=fixed_links,

@@ -10,7 +10,14 @@ from scipy.spatial.transform import Rotation
 
 from g1_description import Robot, TrajectoryBounds
 from g1_description.errors import InvalidValueError
-from g1_description.ik.splines import Bounds, Quadratic, Rows, basis, excess, minimized
+from g1_description.ik.splines import (
+    ControlBounds,
+    Quadratic,
+    Rows,
+    basis,
+    excess,
+    minimized,
+)
 from g1_description.ik.ways import line
 
 BASE = np.array([0.0, 0.0, 0.7634, 0.0, 0.0, 0.0, 1.0])
@@ -175,7 +182,8 @@ def test_the_least_squares_are_those_of_scipy():
         weights = np.full((count - order, columns), 0.1 * (order + 1))
         quadratic.add_differences(order, weights)
     limits = [
-        Bounds(order, -edge, edge, 1e3) for order, edge in enumerate((0.2, 0.1, 0.05))
+        ControlBounds(order, -edge, edge, 1e3)
+        for order, edge in enumerate((0.2, 0.1, 0.05))
     ]
     samples = np.sort(random.integers(0, 5, 12))
     samples[:5] = np.arange(5)

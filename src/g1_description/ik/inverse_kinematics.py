@@ -270,7 +270,11 @@ class InverseKinematics:
             yield self._result(tasks, *piece.pop())
 
     def _problem(
-        self, moved: Mapping[str, LinkTask], start: Configuration, options: IkOptions
+        self,
+        moved: Mapping[str, LinkTask],
+        start: Configuration,
+        options: IkOptions,
+        is_smooth: bool = False,
     ) -> tuple[dict[str, LinkTask], IkConstraints]:
         """Find all tasks by name, of targets and of fixed links, and the bounds."""
         poses = self._solver.kinematics.link_poses(*start)
@@ -291,17 +295,20 @@ class InverseKinematics:
             base_motion = "fixed"
         limits: list[Limit] = []
         if options.balance:
-            if options.balance == ZMP:
+            is_of_zmp = options.balance == ZMP
+            if is_of_zmp and not is_smooth:
                 raise InvalidValueError(
                     f"balance='{ZMP}' is for smooth trajectories, as only these have "
                     "accelerations."
                 )
             support, height = self._support(stays, moved)
-            margin, share = float(options.balance), np.inf
-            if isinstance(options.balance, (bool, np.bool_)):
-                margin, share = BALANCE_MARGIN, BALANCE_SHARE
+            margin, share = BALANCE_MARGIN, BALANCE_SHARE
+            if is_number(options.balance):
+                margin, share = float(options.balance), np.inf
             limits.append(
-                BalanceLimit(self._solver.masses, support, margin, share, height)
+                BalanceLimit(
+                    self._solver.masses, support, margin, share, height, is_of_zmp
+                )
             )
         floor = _height(options.floor, start)
         if floor is not None:

@@ -15,7 +15,7 @@ from g1_description.ik.keyframe_poses import (
     Keyframes,
     links_that_stay,
 )
-from g1_description.ik.sampled import TrajectoryBounds
+from g1_description.ik.limits import TrajectoryBounds
 from g1_description.ik.solver import TOLERANCE
 from g1_description.motion.motion import Motion
 from g1_description.robot.assembly import root_in_base

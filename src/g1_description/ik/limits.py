@@ -1,4 +1,4 @@
-"""Limits of inverse kinematics: distances that must not get smaller.
+"""Limits of inverse kinematics: distances that must not get smaller, and speeds.
 
 A limit has quantities, such as the distance of the centre of mass from an edge. Steps
 of the solver let each shrink by no more than there is of it.
@@ -6,7 +6,9 @@ of the solver let each shrink by no more than there is of it.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple, Protocol, Tuple
 
 import numpy as np
@@ -14,6 +16,7 @@ import numpy as np
 from g1_description.checks.support import Corners
 from g1_description.collisions.self_collisions import SelfCollisions
 from g1_description.errors import InvalidValueError
+from g1_description.ik.targets import is_number
 from g1_description.robot.assembly import WORLD
 from g1_description.robot.description import Description
 from g1_description.robot.dynamics import Masses
@@ -28,6 +31,9 @@ Approach = Tuple[np.ndarray, np.ndarray]
 """Rates of quantities towards their limits by the velocities of the root, along and
 about the world's axes, and of joints, shape (n, 6 + n_joints), and by how much they may
 still go, in [m], negative beyond the limit, shape (n,)."""
+
+SampledApproach = Tuple[np.ndarray, Approach]
+"""Indices of configurations, shape (n,), and the approach of one quantity of each."""
 
 
 class Limit(Protocol):
@@ -68,11 +74,33 @@ def limit_name(limit: Limit) -> str:
     return getattr(limit, "reached", f"{type(limit).__name__} is reached")
 
 
-class BalanceLimit:
-    """Keeps the centre of mass above a polygon, a margin from its edges."""
+class BatchLimit(ABC):
+    """A limit that is linearized at many configurations at once."""
 
-    subject = "centre of mass"
-    """What keeps the margin; the zero-moment point in trajectories that say so."""
+    reached: str
+    """Describes that it is reached."""
+
+    @abstractmethod
+    def approaches(self, jacobians: Jacobians) -> SampledApproach:
+        """Linearize the quantities at the configurations of a batch.
+
+        Returns:
+            Indices of the configurations, increasing, one for each quantity, and the
+            approach.
+        """
+
+    def approach(self, jacobians: Jacobians) -> Approach:
+        """Linearize the quantities at a configuration."""
+        _, approach = self.approaches(jacobians.batched())
+        return approach
+
+    @abstractmethod
+    def excess_message(self, excess: float) -> str:
+        """Describe how far a configuration is beyond the limit, given in [m]."""
+
+
+class BalanceLimit(BatchLimit):
+    """Keeps the centre of mass above a polygon, a margin from its edges."""
 
     def __init__(
         self,
@@ -81,6 +109,7 @@ class BalanceLimit:
         margin: float,
         share: float = np.inf,
         floor: float = 0.0,
+        is_of_zmp: bool = False,
     ) -> None:
         """Prepare a polygon.
 
@@ -90,7 +119,11 @@ class BalanceLimit:
             margin: Least distance from its edges, in [m].
             share: Most of the distance of its middle from its edges that the margin is.
             floor: Height of the polygon, in [m].
+            is_of_zmp: Whether the zero-moment point keeps the margin instead.
         """
+        subject = "zero-moment point" if is_of_zmp else "centre of mass"
+        self._subject, self.is_of_zmp = subject, is_of_zmp
+        self.reached = f"the {subject} is at its margin from the edge"
         self.floor = floor
         """Height of the polygon, in [m]."""
         self._masses = masses
@@ -107,46 +140,29 @@ class BalanceLimit:
         away = self._corners - place[..., np.newaxis, :]
         return np.asarray((away * self._normals).sum(axis=-1))
 
-    def approach(self, jacobians: Jacobians) -> Approach:
-        """Linearize the distances of the centre of mass from the edges."""
-        _, approach = self._approach(jacobians, None)
-        return approach
-
     def approaches(
         self, jacobians: Jacobians, places: np.ndarray | None = None
-    ) -> tuple[np.ndarray, Approach]:
-        """Linearize the distances in a batch; return also the samples they are of.
+    ) -> SampledApproach:
+        """Linearize the distances of the centres of mass from the edges.
 
         Args:
             jacobians: Those of n configurations.
             places: Places that move as the centres of mass do, and count instead, in
                 the world, in [m], shape (n, 2).
         """
-        samples, (rates, room) = self._approach(jacobians, places)
-        return samples, (rates.reshape(-1, rates.shape[-1]), room.ravel())
-
-    def _approach(
-        self, jacobians: Jacobians, places: np.ndarray | None
-    ) -> tuple[np.ndarray, Approach]:
-        """Linearize the distances, with the leading axes of the configurations."""
         if places is None:
-            places = self._masses.robot_center(jacobians.link_poses)[..., :2]
-        moves = jacobians.of_center_of_mass(self._masses)[..., :2, :]
-        room = self._distances(places) - self.margin
-        samples = np.repeat(np.arange(len(room)), room.shape[-1])
-        return samples, (self._normals @ moves, room)
+            places = self._masses.robot_center(jacobians.link_poses)[:, :2]
+        moves = jacobians.of_center_of_mass(self._masses)[:, :2]
+        rates, room = self._normals @ moves, self._distances(places) - self.margin
+        samples = np.repeat(np.arange(len(room)), room.shape[1])
+        return samples, (rates.reshape(-1, rates.shape[-1]), room.ravel())
 
     def excess_message(self, excess: float) -> str:
         """Describe where it is and must be, for an excess in [m]."""
         inside = 1e3 * (self.margin - excess)
         place = f"{abs(inside):.0f} mm {'inside' if inside > 0.0 else 'outside'} of"
         needed = f", not at least {1e3 * self.margin:.0f} mm inside"
-        return f"the {self.subject} is {place} what supports the robot{needed}"
-
-    @property
-    def reached(self) -> str:
-        """Describe that it is reached."""
-        return f"the {self.subject} is at its margin from the edge"
+        return f"the {self._subject} is {place} what supports the robot{needed}"
 
 
 class LinkPart(NamedTuple):
@@ -177,7 +193,7 @@ def link_parts(description: Description) -> list[LinkPart]:
     return parts
 
 
-class FloorLimit:
+class FloorLimit(BatchLimit):
     """Keeps links above the floor."""
 
     reached = "a link is at the floor"
@@ -201,13 +217,8 @@ class FloorLimit:
         self._points = np.concatenate([part.points for part in parts] or nothing[0])
         self._radii = np.concatenate([part.radii for part in parts] or nothing[1])
 
-    def approach(self, jacobians: Jacobians) -> Approach:
+    def approaches(self, jacobians: Jacobians) -> SampledApproach:
         """Linearize the heights of the lowest points near the floor."""
-        _, rows, lowest, room = self._near(jacobians.link_poses[np.newaxis])
-        return -jacobians.of_points(rows, lowest)[:, 2], room
-
-    def approaches(self, jacobians: Jacobians) -> tuple[np.ndarray, Approach]:
-        """Linearize them in a batch; return also the samples they are of."""
         samples, rows, lowest, room = self._near(jacobians.link_poses)
         return samples, (-jacobians.of_each(samples, rows, lowest)[:, 2], room)
 
@@ -243,7 +254,7 @@ class FloorLimit:
         return f"a link is {1e3 * excess:.0f} mm below the floor"
 
 
-class DistanceLimit:
+class DistanceLimit(BatchLimit):
     """Keeps links away from each other."""
 
     reached = "links are near to each other"
@@ -263,18 +274,8 @@ class DistanceLimit:
         rows = [[names.index(name) for name in pair] for pair in collisions.pairs]
         self._pairs = np.array(rows, dtype=int).reshape(-1, 2)
 
-    def approach(self, jacobians: Jacobians) -> Approach:
+    def approaches(self, jacobians: Jacobians) -> SampledApproach:
         """Linearize the distances of near links."""
-        poses = jacobians.link_poses[np.newaxis]
-        found = self._collisions.contacts(poses, self._distance + INFLUENCE)
-        first, second = self._pairs[found.pair].T
-        rates = jacobians.of_points(first, found.points_a)
-        rates -= jacobians.of_points(second, found.points_b)
-        rates = (found.normal[:, np.newaxis] @ rates)[:, 0]
-        return rates, found.distance - self._distance
-
-    def approaches(self, jacobians: Jacobians) -> tuple[np.ndarray, Approach]:
-        """Linearize them in a batch; return also the samples they are of."""
         reach = self._distance + INFLUENCE
         found = self._collisions.contacts(jacobians.link_poses, reach)
         first, second = self._pairs[found.pair].T
@@ -286,3 +287,36 @@ class DistanceLimit:
     def excess_message(self, excess: float) -> str:
         """Describe by how much the nearest links are too near, in [m]."""
         return f"links are {1e3 * excess:.0f} mm too near to each other"
+
+
+@dataclass(frozen=True)
+class TrajectoryBounds:
+    """Largest velocities and accelerations of a trajectory."""
+
+    base_speed: float = 1.0
+    """Of the root link along each of the world's axes, in [m/s]."""
+
+    base_acceleration: float = 3.0
+    """Likewise, in [m/s^2]."""
+
+    base_turn_rate: float = 2.0
+    """Of the root link about each of the world's axes, in [rad/s]."""
+
+    base_turn_acceleration: float = 10.0
+    """Likewise, in [rad/s^2]."""
+
+    joint_acceleration: float = 20.0
+    """Of each joint, in [rad/s^2] or [m/s^2]; its velocity is that of the robot's file
+    at most."""
+
+    def __post_init__(self) -> None:
+        """Check the numbers.
+
+        Raises:
+            InvalidValueError: If one is not greater than 0.
+        """
+        for name, value in vars(self).items():
+            if not is_number(value) or not value > 0.0:
+                raise InvalidValueError(
+                    f"{name} must be a number greater than 0 (got {str(value)[:80]})."
+                )

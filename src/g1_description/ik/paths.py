@@ -15,11 +15,11 @@ from g1_description.ik.inverse_kinematics import (
     IkResult,
     InverseKinematics,
 )
-from g1_description.ik.limits import BalanceLimit, limit_name
-from g1_description.ik.sampled import Problem, TrajectoryBounds
+from g1_description.ik.limits import TrajectoryBounds, limit_name
+from g1_description.ik.sampled import Problem
 from g1_description.ik.solver import TOLERANCE, Linearization, descend, last, search
 from g1_description.ik.tasks import LinkTask
-from g1_description.ik.trajectory import Found, Trajectory
+from g1_description.ik.trajectory import Candidate, Trajectory
 from g1_description.motion.motion import Motion
 from g1_description.text import listed
 
@@ -171,19 +171,16 @@ class PathKinematics(InverseKinematics):
                 f"A trajectory lasts from {SHORTEST:g} to {LONGEST:g} s (got "
                 f"{duration:g}). Times are in s; smooth=False takes any."
             )
-        is_zmp = options.balance == ZMP
-        options = replace(options, balance=True) if is_zmp else options
         if len(times) == 1:
-            return self.path(times, targets, positions, base, options)
+            is_of_zmp = options.balance == ZMP
+            at_rest = replace(options, balance=True) if is_of_zmp else options
+            return self.path(times, targets, positions, base, at_rest)
         start = self._configuration(positions, base)
         moved = _bounded(self._tasks(_at(times, targets), options, start, times))
         at_first = {name: task.at(0) for name, task in moved.items()}
-        tasks, constraints = self._problem(at_first, start, options)
-        for limit in constraints.limits:
-            if is_zmp and isinstance(limit, BalanceLimit):
-                limit.subject = "zero-moment point"
+        tasks, constraints = self._problem(at_first, start, options, is_smooth=True)
         whole = [moved.get(name, task) for name, task in tasks.items()]
-        given = times, whole, constraints, start, bounds, self._speed, is_zmp
+        given = times, whole, constraints, start, bounds, self._speed
         search_ = Trajectory(self._solver, Problem(*given))
         found = search_.solve()
         views = search_.linearizations(found)
@@ -201,7 +198,7 @@ class PathKinematics(InverseKinematics):
     def _reason(
         self,
         search_: Trajectory,
-        found: Found,
+        found: Candidate,
         views: Sequence[Linearization],
         row: int,
     ) -> str:

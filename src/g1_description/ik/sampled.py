@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
 
-from g1_description.errors import InvalidValueError
 from g1_description.ik.limits import (
     BalanceLimit,
-    DistanceLimit,
-    FloorLimit,
+    BatchLimit,
     Limit,
+    TrajectoryBounds,
     checked_approach,
 )
 from g1_description.ik.solver import Configuration, IkConstraints, IkSolver
@@ -29,42 +27,8 @@ PERIOD = 0.1
 """Time between the knots of splines in [s]: motions of up to 3 Hz are followed."""
 
 
-@dataclass(frozen=True)
-class TrajectoryBounds:
-    """Largest velocities and accelerations of a trajectory."""
-
-    base_speed: float = 1.0
-    """Of the root link along each of the world's axes, in [m/s]."""
-
-    base_acceleration: float = 3.0
-    """Likewise, in [m/s^2]."""
-
-    base_turn_rate: float = 2.0
-    """Of the root link about each axis, in [rad/s]."""
-
-    base_turn_acceleration: float = 10.0
-    """Likewise, in [rad/s^2]."""
-
-    joint_acceleration: float = 20.0
-    """Of each joint, in [rad/s^2] or [m/s^2]; its velocity is that of the robot's file
-    at most."""
-
-    def __post_init__(self) -> None:
-        """Check the numbers.
-
-        Raises:
-            InvalidValueError: If one is not greater than 0.
-        """
-        for name, value in vars(self).items():
-            is_number = isinstance(value, (int, float, np.number))
-            if isinstance(value, bool) or not is_number or not value > 0.0:
-                raise InvalidValueError(
-                    f"{name} must be a number greater than 0 (got {str(value)[:80]})."
-                )
-
-
 class Problem(NamedTuple):
-    """What a trajectory should do."""
+    """Tasks, constraints and bounds of a trajectory."""
 
     times: np.ndarray
     """In [s], increasing, at least two, shape (n,)."""
@@ -80,11 +44,8 @@ class Problem(NamedTuple):
     speeds: np.ndarray
     """Largest velocities of joints in [rad/s] or [m/s], shape (n_joints,)."""
 
-    balances_zmp: bool = False
-    """Whether balance is that of the zero-moment point, not of the centre of mass."""
 
-
-class View(NamedTuple):
+class SampledView(NamedTuple):
     """A trajectory at its samples."""
 
     control: np.ndarray
@@ -158,7 +119,7 @@ class SampledSplines:
         nearest = np.searchsorted(times, ideal - 1e-9)
         return np.unique(np.minimum(nearest, len(times) - 1))
 
-    def view(self, control: np.ndarray) -> View:
+    def view(self, control: np.ndarray) -> SampledView:
         """Compare a trajectory with its tasks.
 
         Args:
@@ -171,19 +132,19 @@ class SampledSplines:
         roots = np.concatenate([columns[:, :3], rotations], axis=1)
         jacobians = Jacobians(self._solver.kinematics, roots, columns[:, 6:])
         points, displacements = displaced(self._problem.tasks, jacobians)
-        return View(control, columns, roots, jacobians, points, displacements)
+        return SampledView(control, columns, roots, jacobians, points, displacements)
 
-    def approach(self, limit: Limit, view: View, rows: np.ndarray) -> Approached:
+    def approach(self, limit: Limit, view: SampledView, rows: np.ndarray) -> Approached:
         """Linearize a limit at samples given by their rows."""
         placed = view.roots[rows], view.columns[rows, 6:]
         some = Jacobians(self._solver.kinematics, *placed)
         weights = self.weights
-        if self._problem.balances_zmp and isinstance(limit, BalanceLimit):
+        if isinstance(limit, BalanceLimit) and limit.is_of_zmp:
             points, levers = self._zero_moment_points(view, rows, limit.floor)
             samples, (rates, room) = limit.approaches(some, points)
             lever = sparse.diags(np.bincount(rows, levers, weights.shape[0]))
             weights = (weights - lever @ self._rates[1]).tocsr()
-        elif isinstance(limit, (BalanceLimit, DistanceLimit, FloorLimit)):
+        elif isinstance(limit, BatchLimit):
             samples, (rates, room) = limit.approaches(some)
         else:
             each = (Jacobians(self._solver.kinematics, *one) for one in zip(*placed))
@@ -196,7 +157,7 @@ class SampledSplines:
         return Approached(rows, rates, room, weights)
 
     def _zero_moment_points(
-        self, view: View, rows: np.ndarray, floor: float
+        self, view: SampledView, rows: np.ndarray, floor: float
     ) -> tuple[np.ndarray, np.ndarray]:
         """Compute the zero-moment points on a floor of a height in [m].
 

@@ -11,7 +11,7 @@ Optimization, 2006, section 16.6 (predictor and corrector).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import cached_property, lru_cache, partial
 from typing import Callable, Sequence, Union
 
 import numpy as np
@@ -118,7 +118,7 @@ class Quadratic:
 
 
 @dataclass(frozen=True, eq=False)
-class Bounds:
+class ControlBounds:
     """Limits of control points, or of their differences: of speeds, accelerations."""
 
     order: int
@@ -167,6 +167,11 @@ class Rows:
 
     lower = -np.inf
 
+    @cached_property
+    def _ends(self) -> np.ndarray:
+        """Where the limits of each sample begin, and the last ones end."""
+        return np.searchsorted(self.samples, np.arange(self.weights.shape[0] + 1))
+
     def values(self, points: np.ndarray) -> np.ndarray:
         """Return what is limited."""
         found: np.ndarray = (self.rates * (self.weights @ points)[self.samples]).sum(-1)
@@ -175,22 +180,21 @@ class Rows:
     def add_squares(self, quadratic: Quadratic, weights: np.ndarray) -> None:
         """Add the weighted squares of values."""
         scaled = weights[:, np.newaxis] * self.rates
-        ends = np.searchsorted(self.samples, np.arange(self.weights.shape[0] + 1))
         squares = [
             self.rates[begin:end].T @ scaled[begin:end]
-            for begin, end in zip(ends, ends[1:])
+            for begin, end in zip(self._ends, self._ends[1:])
         ]
         quadratic.add_samples(self.weights, np.array(squares))
 
     def pulls(self, forces: np.ndarray) -> np.ndarray:
         """Return what forces on the values do to control points."""
-        first = np.searchsorted(self.samples, np.arange(self.weights.shape[0]))
-        each = np.add.reduceat(forces[:, np.newaxis] * self.rates, first, axis=0)
+        pulls = forces[:, np.newaxis] * self.rates
+        each = np.add.reduceat(pulls, self._ends[:-1], axis=0)
         found: np.ndarray = self.weights.T @ each
         return found
 
 
-SoftLimit = Union[Bounds, Rows]
+SoftLimit = Union[ControlBounds, Rows]
 
 
 def excess(limit: SoftLimit, values: np.ndarray) -> np.ndarray:
@@ -273,7 +277,9 @@ def minimized(quadratic: Quadratic, limits: Sequence[SoftLimit]) -> np.ndarray:
     """
     points = np.zeros(quadratic.gradient.shape)
     sides = [_Side(one, 1.0, points) for one in limits]
-    sides += [_Side(one, -1.0, points) for one in limits if isinstance(one, Bounds)]
+    sides += [
+        _Side(one, -1.0, points) for one in limits if isinstance(one, ControlBounds)
+    ]
     number = sum(side.room.size for side in sides)
     for _ in range(MAX_ITERATIONS):
         matrix = Quadratic(*points.shape)
@@ -332,7 +338,7 @@ def _factorized(quadratic: Quadratic) -> Callable[[np.ndarray], np.ndarray]:
     return solve
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=1)  # hundreds of MB for the longest
 def _places(count: int, columns: int) -> tuple[np.ndarray, np.ndarray]:
     """Find the numbers of blocks that belong into LAPACK's upper banded storage.
 

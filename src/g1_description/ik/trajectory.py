@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from g1_description.ik.sampled import PERIOD, Problem, SampledSplines, View
+from g1_description.ik.sampled import PERIOD, Problem, SampledSplines, SampledView
 from g1_description.ik.solver import (
     HARD,
     POSTURE,
@@ -27,7 +27,7 @@ from g1_description.ik.solver import (
     last,
     search,
 )
-from g1_description.ik.splines import Bounds, Quadratic, Rows, excess, minimized
+from g1_description.ik.splines import ControlBounds, Quadratic, Rows, excess, minimized
 from g1_description.ik.tasks import errors_of, matrix_of, weights_of
 from g1_description.robot.rotation import conjugate, multiply, to_rotation_vector
 
@@ -91,10 +91,10 @@ LEAST_GAIN = 0.03
 """Relative decrease of the cost at which steps end."""
 
 
-class Found(NamedTuple):
+class Candidate(NamedTuple):
     """A trajectory with its limits and cost."""
 
-    view: View
+    view: SampledView
     rows: list[Rows]
     """Limits at some samples."""
 
@@ -118,21 +118,29 @@ class Trajectory:
         self._limited = self._splines.rows(PERIOD)
         start = problem.start
         self._posture = np.concatenate([start.root[:3], np.zeros(3), start.position])
-        self._choose_bounds()
+        self._bounds = self._make_bounds()
         self._regular = self._regular_cost()
 
-    def _choose_bounds(self) -> None:
-        """Set bounds of differences of control points, shape (n_columns,)."""
-        given, speeds = self._problem.bounds, self._problem.speeds
-        rates = np.array([given.base_turn_rate, given.base_turn_acceleration])
-        turning = TURN_SHARE * rates
-        fastest = np.repeat([given.base_speed, turning[0]], 3)
-        quickest = np.repeat([given.base_acceleration, turning[1]], 3)
+    def _make_bounds(self) -> list[ControlBounds]:
+        """Bound control points and their differences of both orders."""
+        limits, speeds = self._problem.constraints, self._problem.speeds
+        given, free = self._problem.bounds, np.full(6, np.inf)
+        low, high = np.append(-free, limits.lower), np.append(free, limits.upper)
+        turn_rate = TURN_SHARE * given.base_turn_rate
+        turn_acceleration = TURN_SHARE * given.base_turn_acceleration
+        fastest = np.repeat([given.base_speed, turn_rate], 3)
+        quickest = np.repeat([given.base_acceleration, turn_acceleration], 3)
         joints = np.full(len(speeds), given.joint_acceleration)
         self._fastest = SHARE * np.append(fastest, speeds)
-        self._quickest = SHARE * np.append(quickest, joints)
+        steps = self._splines.period * self._fastest
+        changes = self._splines.period**2 * (SHARE * np.append(quickest, joints))
+        return [
+            ControlBounds(0, low, high, BOUND_WEIGHT),
+            ControlBounds(1, -steps, steps, BOUND_WEIGHT),
+            ControlBounds(2, -changes, changes, BOUND_WEIGHT),
+        ]
 
-    def solve(self) -> Found:
+    def solve(self) -> Candidate:
         """Search from the nearest configuration, and from another one if that misses.
 
         Of the others that is improved which promises most.
@@ -210,7 +218,7 @@ class Trajectory:
 
         Otherwise bounds would pull first, and throw everything else over.
         """
-        bounds = self._soft_bounds()[1:]
+        bounds = self._bounds[1:]
         for _ in range(MAX_SMOOTHINGS):
             if not any(excess(one, one.values(control)).any() for one in bounds):
                 break
@@ -218,7 +226,7 @@ class Trajectory:
             control = 0.25 * padded[:-2] + 0.5 * control + 0.25 * padded[2:]
         return control
 
-    def improved(self, state: Found) -> Found:
+    def improved(self, state: Candidate) -> Candidate:
         """Improve control points step by step, until that does not help."""
         largest = LARGEST_STEP
         for number in range(1, MAX_STEPS + 1):
@@ -236,7 +244,7 @@ class Trajectory:
                 break
         return state
 
-    def _state(self, control: np.ndarray) -> Found:
+    def _state(self, control: np.ndarray) -> Candidate:
         """Compute the cost of control points, and what a step needs."""
         view = self._splines.view(control)
         factors = self._factors(view)
@@ -251,7 +259,7 @@ class Trajectory:
                 seen, which = np.unique(near.rows, return_inverse=True)
                 seen = near.weights[seen]
                 rows.append(Rows(seen, which, near.rates, near.room, HARD**2))
-        for each in self._soft_bounds():
+        for each in self._bounds:
             squares = excess(each, each.values(control)) ** 2
             cost += each.weight * float(squares.sum())
         pulled = control - self._posture
@@ -259,16 +267,16 @@ class Trajectory:
         beyond = max([0.0, *(float(-row.upper.min(initial=0.0)) for row in rows)])
         errors = errors_of(view.displacements) / TOLERANCE
         badness = max(float(errors.max(initial=0.0)), beyond / TOLERANCE[0])
-        return Found(view, rows, cost, badness)
+        return Candidate(view, rows, cost, badness)
 
-    def at_bounds(self, found: Found, row: int) -> list[tuple[int, int]]:
+    def at_bounds(self, found: Candidate, row: int) -> list[tuple[int, int]]:
         """Find what is at its bounds around a sample.
 
         Returns:
             Pairs of an order, from 0 of positions to 2 of accelerations, and a column.
         """
         seen, reached = self._splines.weights[row].indices, []
-        for each in self._soft_bounds():
+        for each in self._bounds:
             values = each.values(found.view.control)
             values = values[seen[0] : seen[-1] + 1 - each.order]
             room = np.minimum(each.upper - values, values - each.lower)
@@ -279,7 +287,7 @@ class Trajectory:
             reached += [(each.order, column) for column in columns.tolist()]
         return reached
 
-    def linearizations(self, found: Found) -> list[Linearization]:
+    def linearizations(self, found: Candidate) -> list[Linearization]:
         """Compare each sample with its tasks and limits, without rates."""
         view, given = found.view, self._problem.constraints
         every = np.arange(len(view.roots))
@@ -304,7 +312,7 @@ class Trajectory:
             for row in every.tolist()
         ]
 
-    def _factors(self, view: View) -> np.ndarray:
+    def _factors(self, view: SampledView) -> np.ndarray:
         """Weaken errors that are large, so that they pull with a constant force.
 
         Source: Huber, Annals of Mathematical Statistics 35, 1964.
@@ -314,18 +322,6 @@ class Trajectory:
         """
         errors = np.maximum(errors_of(view.displacements), FAR)
         return np.repeat((FAR / errors).reshape(len(errors), -1), 3, axis=1)
-
-    def _soft_bounds(self) -> list[Bounds]:
-        """Return the bounds of control points and their differences."""
-        given, free = self._problem.constraints, np.full(6, np.inf)
-        low, high = np.append(-free, given.lower), np.append(free, given.upper)
-        fastest = self._splines.period * self._fastest
-        quickest = self._splines.period**2 * self._quickest
-        return [
-            Bounds(0, low, high, BOUND_WEIGHT),
-            Bounds(1, -fastest, fastest, BOUND_WEIGHT),
-            Bounds(2, -quickest, quickest, BOUND_WEIGHT),
-        ]
 
     def _regular_cost(self) -> Quadratic:
         """Return the cost of accelerations and of other postures."""
@@ -339,7 +335,7 @@ class Trajectory:
         found.add_differences(2, smooth)
         return found
 
-    def _step(self, state: Found, largest: float) -> np.ndarray:
+    def _step(self, state: Candidate, largest: float) -> np.ndarray:
         """Minimize the linearized cost; return the change of control points."""
         view, control = state.view, state.view.control
         matrix = matrix_of(self._problem.tasks, view.jacobians, view.points)
@@ -358,7 +354,7 @@ class Trajectory:
         quadratic.gradient += self._regular.product(control - self._posture)
         moved = [
             replace(each, lower=each.lower - now, upper=each.upper - now)
-            for each in self._soft_bounds()
+            for each in self._bounds
             for now in [each.values(control)]
         ]
         moved[0] = replace(

@@ -8,6 +8,7 @@ Featherstone, Rigid Body Dynamics Algorithms, 2008, section 2.10.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 
 import numpy as np
 
@@ -78,9 +79,7 @@ class Jacobians:
             J such that J @ velocities is the velocity of the point, along the world's
             axes, shape (..., n, 3, 6 + n_joints).
         """
-        screws = self._screws[..., np.newaxis, :, :]
-        moved = screws[..., :3] - cross(points[..., np.newaxis, :], screws[..., 3:])
-        return np.swapaxes(self._moves[rows][..., np.newaxis] * moved, -1, -2)
+        return self._of_points(self._screws[..., np.newaxis, :, :], rows, points)
 
     def of_each(
         self, samples: np.ndarray, rows: np.ndarray, points: np.ndarray
@@ -95,9 +94,21 @@ class Jacobians:
         Returns:
             As ``of_points``, shape (n, 3, 6 + n_joints).
         """
-        screws = self._screws[samples]
-        moved = screws[..., :3] - cross(points[:, np.newaxis], screws[..., 3:])
+        return self._of_points(self._screws[samples], rows, points)
+
+    def _of_points(
+        self, screws: np.ndarray, rows: Sequence[int] | np.ndarray, points: np.ndarray
+    ) -> np.ndarray:
+        """Compute the Jacobians of points from the screws that move each."""
+        moved = screws[..., :3] - cross(points[..., np.newaxis, :], screws[..., 3:])
         return np.swapaxes(self._moves[rows][..., np.newaxis] * moved, -1, -2)
+
+    def batched(self) -> Jacobians:
+        """Return those of one configuration as a batch of one."""
+        batch = copy(self)
+        batch.link_poses = self.link_poses[np.newaxis]
+        batch._screws = self._screws[np.newaxis]
+        return batch
 
     def of_center_of_mass(self, masses: Masses) -> np.ndarray:
         """Compute the Jacobian of the centre of mass.
