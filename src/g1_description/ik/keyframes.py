@@ -17,6 +17,7 @@ from g1_description.ik.keyframe_poses import (
 )
 from g1_description.ik.limits import TrajectoryBounds
 from g1_description.ik.solver import TOLERANCE
+from g1_description.motion.edit import minimum_jerk_fraction
 from g1_description.motion.motion import Motion
 from g1_description.robot.assembly import root_in_base
 from g1_description.robot.description import Description
@@ -233,7 +234,6 @@ def _interpolated(
     """Interpolate rows of joints and base at samples from 0 to the last end.
 
     Without stops it still comes to rest at some rows, shape (n_keyframes,) of bools.
-    Source of the polynomial: Flash and Hogan, J. Neurosci. 5, 1985.
     """
     from scipy.interpolate import CubicHermiteSpline, PchipInterpolator  # slow
 
@@ -241,8 +241,8 @@ def _interpolated(
     if through == STOP:
         row = np.clip(np.searchsorted(ends, samples, "right") - 1, 0, len(ends) - 2)
         u = ((samples - ends[row]) / (ends[row + 1] - ends[row]))[:, np.newaxis]
-        way_done = u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
-        found = values[row] + way_done * (values[row + 1] - values[row])
+        done = minimum_jerk_fraction(u)
+        found = values[row] + done * (values[row + 1] - values[row])
     else:
         slopes = PchipInterpolator(ends, values).derivative()(ends)
         slopes[rests] = 0.0

@@ -12,6 +12,7 @@ import numpy as np
 
 from g1_description.errors import InvalidValueError
 from g1_description.ik.targets import FARTHEST, is_number
+from g1_description.motion.edit import minimum_jerk_fraction
 from g1_description.robot.arrays import as_numbers, as_poses
 from g1_description.robot.rotation import (
     cross,
@@ -207,8 +208,7 @@ def _timed(
         np.sqrt(TOP_ACCELERATION * max(length, turned) / acceleration),
     )
     fractions = np.linspace(0.0, 1.0, int(np.ceil(duration / period)) + 1)
-    shares = fractions**3 * (10.0 - 15.0 * fractions + 6.0 * fractions**2)
-    return duration * fractions, shares
+    return duration * fractions, minimum_jerk_fraction(fractions)
 
 
 def _turned(begin: np.ndarray, goal: np.ndarray) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -156,7 +157,7 @@ def _joined(before: Motion, after: Motion, blend: float, follows: bool) -> Motio
 def _blended(before: Motion, after: Motion, blend: float) -> Motion:
     """Let the beginning of a motion come out of the end of another."""
     share = np.clip((after.times - after.times[0]) / blend, 0.0, 1.0)[:, np.newaxis]
-    weight = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+    weight = minimum_jerk_fraction(share)
     left = 1.0 - weight  # exactly 0 after the blend
     old = sample(before, after.times)
     change = after.positions - old.positions
@@ -333,8 +334,22 @@ def _signs(robot: Description) -> dict[str, float]:
     return dict(zip(row, signs.tolist()))
 
 
+FloatOrArray = TypeVar("FloatOrArray", float, np.ndarray)
+
 N_SAMPLES = 101
 """Samples of a path: cubic polynomials between them are within 1e-7 of its length."""
+
+
+def minimum_jerk_fraction(time: FloatOrArray) -> FloatOrArray:
+    """Compute the fraction of a minimum-jerk path at fractions of its time.
+
+    Args:
+        time: From 0 to 1, of any shape.
+
+    Returns:
+        From 0 to 1, of the same shape. Source: Flash and Hogan, J. Neurosci. 5, 1985.
+    """
+    return time**3 * (10.0 - 15.0 * time + 6.0 * time**2)
 
 
 def minimum_jerk(start: np.ndarray, goal: np.ndarray, fraction: float) -> np.ndarray:
@@ -352,7 +367,7 @@ def minimum_jerk(start: np.ndarray, goal: np.ndarray, fraction: float) -> np.nda
         Positions, shape (n,).
     """
     t = min(max(fraction, 0.0), 1.0)
-    done = t**3 * (10.0 - 15.0 * t + 6.0 * t**2)
+    done = minimum_jerk_fraction(t)
     path = (1.0 - done) * start + done * goal
     return np.clip(path, np.minimum(start, goal), np.maximum(start, goal))
 
