@@ -218,11 +218,8 @@ def save_poses(poses: Collection[Pose], file: Path, old: Collection[str] = ()) -
         )
 
     text = _text_of(file) if file.exists() else ""
-    for name in old:
-        text = _edited(text, name, None, str(file))
-    for pose in poses:
-        text = with_pose(text, pose, str(file))
-    write_whole(file, text.encode("utf-8"))
+    changes = {**dict.fromkeys(old), **{pose.name: pose for pose in poses}}
+    write_whole(file, _edited(text, changes, str(file)).encode("utf-8"))
 
 
 ABOUT, KEYFRAME = "about", "keyframe"
@@ -363,19 +360,20 @@ def with_pose(text: str, pose: Pose, place: str) -> str:
         PoseFileError: If the text is invalid, or in a form that cannot be edited.
         InvalidValueError: If a position in it is not a finite number.
     """
-    return _edited(text, pose.name, pose, place)
+    return _edited(text, {pose.name: pose}, place)
 
 
-def _edited(text: str, name: str, pose: Pose | None, place: str) -> str:
-    """Write a pose as in ``with_pose``; None: remove that of the name."""
-    expected = parse_poses(text, place)
-    if pose is None:
-        del expected[name]
-    else:
-        pose = replace(pose, about=_one_line(pose.about), place=place)
-        expected[name] = pose
-    new = "" if pose is None else _written(pose)
-    written = _with_lines(text, _load(text, place), name, new)
+def _edited(text: str, changes: Mapping[str, Pose | None], place: str) -> str:
+    """Write poses as in ``with_pose``; None: remove that of the name."""
+    expected, new = parse_poses(text, place), {}
+    for name, pose in changes.items():
+        if pose is None:
+            del expected[name]
+            new[name] = ""
+        else:
+            pose = replace(pose, about=_one_line(pose.about), place=place)
+            expected[name], new[name] = pose, _written(pose)
+    written = _with_lines(text, _load(text, place), new)
     try:
         is_same = parse_poses(written, place) == expected
     except (PoseFileError, InvalidValueError):
@@ -403,22 +401,29 @@ def _written(pose: Pose) -> str:
     return lines.getvalue()
 
 
-def _with_lines(text: str, poses: CommentedMap, name: str, new: str) -> str:
-    """Replace the lines of a pose, or add them at the end.
+def _with_lines(text: str, poses: CommentedMap, new: Mapping[str, str]) -> str:
+    """Replace the lines of poses, or add them at the end.
 
     Comments and empty lines after a pose belong to the next one.
     """
     end_of_line = "\r\n" if "\r\n" in text else "\n"
-    new = new.replace("\n", end_of_line)
-    if name not in poses:
-        return text.rstrip() + 2 * end_of_line + new if text.strip() else new
+    new = {name: own.replace("\n", end_of_line) for name, own in new.items()}
     lines = text.splitlines(keepends=True)
-    begin = poses.lc.key(name)[0]
-    later = [poses.lc.key(other)[0] for other in poses]
-    end = min((line for line in later if line > begin), default=len(lines))
-    while end > begin + 1 and lines[end - 1].strip()[:1] in ("", "#"):
-        end -= 1
-    return "".join([*lines[:begin], new, *lines[end:]])
+    begins = {name: poses.lc.key(name)[0] for name in poses}
+    known = [name for name in new if name in begins]
+    # From the last one on: the lines of those before stay where they are.
+    for name in sorted(known, key=lambda name: begins[name], reverse=True):
+        begin = begins[name]
+        later = (line for line in begins.values() if line > begin)
+        end = min(later, default=len(lines))
+        while end > begin + 1 and lines[end - 1].strip()[:1] in ("", "#"):
+            end -= 1
+        lines[begin:end] = [new[name]]
+    text = "".join(lines)
+    for name, own in new.items():
+        if name not in begins:
+            text = text.rstrip() + 2 * end_of_line + own if text.strip() else own
+    return text
 
 
 class _Representer(RoundTripRepresenter):
