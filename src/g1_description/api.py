@@ -406,7 +406,6 @@ class Robot:
         begin, pose = self._start(start, base)
         return self._inverse.solve(targets, begin, pose, options)
 
-    @former_arguments(**_IK_ARGUMENTS)
     def ik_trajectory(  # noqa: PLR0913
         self,
         times: Any,
@@ -486,6 +485,7 @@ class Robot:
         limited = TrajectoryBounds() if bounds is None else bounds
         return self._inverse.trajectory(*given, limited)
 
+    @former_arguments(**_IK_ARGUMENTS)
     def ik_path(
         self,
         times: Any,

@@ -166,7 +166,8 @@ def keyframes_at(
         except G1DescriptionError as error:
             raise type(error)(f"Keyframe {number}: {error}") from error
         if base is None:
-            base = _standing(robot, positions, frames[-1:], links)
+            before = frames[-1] if frames else None
+            base = _standing(robot, positions, before, links)
         frames.append(Keyframe(time, positions, base))
     return frames
 
@@ -200,24 +201,22 @@ def _placed(robot: Description, entry: Any) -> tuple[np.ndarray, np.ndarray | No
 def _standing(
     robot: Description,
     positions: np.ndarray,
-    before: Sequence[Keyframe],
+    before: Keyframe | None,
     links: Sequence[str],
 ) -> np.ndarray:
     """Stand on the floor upright, the first link where it is in the keyframe before."""
     if robot.root == WORLD or not {*FEET} & {*roles_of(robot)}:
-        return before[0].base if before else IDENTITY
+        return before.base if before else IDENTITY
     names = [joint.name for joint in robot.movable_joints]
     base = standing_base(robot, dict(zip(names, positions.tolist())))
-    for frame in before:
-        bases = np.stack([frame.base, base])
-        joints = np.stack([frame.positions, positions])
-        poses = Kinematics(robot).link_poses(
-            compose(bases, root_in_base(robot)), joints
-        )
-        rows = [robot.link_names.index(link) for link in links[:1]]
-        place, now = map(projected, poses[:, rows[0]] if rows else bases)
-        base = compose(compose(place, inverse(now)), base)
-    return base
+    if before is None:
+        return base
+    bases = np.stack([before.base, base])
+    joints = np.stack([before.positions, positions])
+    poses = Kinematics(robot).link_poses(compose(bases, root_in_base(robot)), joints)
+    rows = [robot.link_names.index(link) for link in links[:1]]
+    place, now = map(projected, poses[:, rows[0]] if rows else bases)
+    return compose(compose(place, inverse(now)), base)
 
 
 def links_that_stay(robot: Description, given: Collection[str] | None) -> list[str]:

@@ -78,7 +78,7 @@ def box_targets(
         pose: Pose of the centre of the box in the world, x y z in [m] and quaternion
             x y z w, shape (..., 7); its y axis goes from the right palm to the left.
         width: Of the box along its y axis, in [m], a number or of shape (...).
-        left: Link or named point of the left palm.
+        left: Named point of the left palm, whose axis is where it faces.
         right: That of the right palm.
 
     Returns:
