@@ -115,15 +115,16 @@ class Calls:
         return handler
 
     def later_in_the_loop(self, act):
-        """Make a callback that queues a message, and waits only if the queue is long.
+        """Make a callback that queues a message, and blocks only if the queue is long.
 
         If it always blocked, messages would pile up in sockets on a busy machine.
         """
 
         def callback(message):
-            call = Future() if self._queue.qsize() > MAX_PENDING else None
+            call: Future = Future()
+            call.add_done_callback(_log_failure)
             self._queue.put((call, act, message))
-            if call is not None:
+            if self._queue.qsize() > MAX_PENDING:
                 with contextlib.suppress(CancelledError):
                     call.result()
 
@@ -142,13 +143,9 @@ class Calls:
             with self._lock:
                 result = answer(request)
         except BaseException as error:  # raised in the caller's thread
-            if call is None:
-                rospy.logerr("Internal error while handling a message: %r", error)
-            else:
-                call.set_exception(error)
+            call.set_exception(error)
         else:
-            if call is not None:
-                call.set_result(result)
+            call.set_result(result)
         return True
 
     def cancel(self) -> None:
@@ -156,9 +153,12 @@ class Calls:
         self._is_over = True
         with contextlib.suppress(queue.Empty):
             while True:
-                call = self._queue.get_nowait()[0]
-                if call is not None:
-                    call.cancel()
+                self._queue.get_nowait()[0].cancel()
+
+
+def _log_failure(call: Future) -> None:
+    if not call.cancelled() and call.exception() is not None:
+        rospy.logerr("Internal error while handling a message: %r", call.exception())
 
 
 MAX_WAIT = 0.1
