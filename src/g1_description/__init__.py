@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from .ik.ways import line as line
     from .ik.ways import turn as turn
     from .motion.motion import Motion as Motion
+    from .scenes.scene import Scene as Scene
     from .stream import Stream as Stream
 
 # The generated services, g1_description.srv, lie in another folder of this name.
@@ -39,6 +40,7 @@ PUBLIC = {
     "Keyframes": "ik.keyframe_poses",
     "Motion": "motion.motion",
     "Robot": "api",
+    "Scene": "scenes.scene",
     "Stream": "stream",
     "Target": "ik.targets",
     "TrajectoryBounds": "ik.limits",

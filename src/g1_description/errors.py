@@ -82,3 +82,7 @@ def cause(error: BaseException) -> str:
     """
     lines = str(error).strip().splitlines() or [type(error).__name__]
     return lines[0].strip().rstrip(".")[:MAX_CAUSE]
+
+
+class SceneError(G1DescriptionError):
+    """A scene cannot be read or written."""

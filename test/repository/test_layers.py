@@ -27,7 +27,8 @@ TOP = {
 
 ROBOT = {"files", "robot"}
 SIM = ROBOT | {"sdf", "motion", "sim"}
-CHECKS = SIM | {"collisions", "checks"}
+SCENES = SIM | {"scenes"}
+CHECKS = SCENES | {"collisions", "checks"}
 ROS = CHECKS | {"ik", "render", "ros", "api"}
 BELOW = {
     "files": set(),
@@ -35,8 +36,9 @@ BELOW = {
     "sdf": ROBOT,
     "motion": ROBOT,
     "sim": SIM,
-    "collisions": SIM,
-    "checks": SIM | {"collisions"},
+    "scenes": SIM,
+    "collisions": SCENES,
+    "checks": SCENES | {"collisions"},
     "ik": CHECKS,
     "render": CHECKS,
     "api": CHECKS | {"ik", "render", "ros"},

@@ -52,7 +52,7 @@ _SUN = """
     </attenuation>
     <direction>-0.5 0.1 -0.9</direction>
   </light>"""
-_BUILT_IN = {
+BUILT_IN = {
     "model://ground_plane": f'<sdf version="1.7">{_GROUND_PLANE}</sdf>',
     "model://sun": f'<sdf version="1.7">{_SUN}</sdf>',
 }
@@ -185,10 +185,10 @@ def _included(
     try:
         found = find_model(uri)
     except NoSuchModelError as error:
-        if uri not in _BUILT_IN:
+        if uri not in BUILT_IN:
             left_out.append(f"include of {uri} is ignored: {error}".rstrip("."))
             return None
-        found = _BUILT_IN[uri]
+        found = BUILT_IN[uri]
     for element in _document(f"SDF of {uri}", found, left_out):
         if element.tag in ("model", "light"):
             return _overridden(element, include, uri, left_out)

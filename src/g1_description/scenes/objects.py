@@ -1,0 +1,267 @@
+"""Objects around a robot: their shapes, where they are, and which links carry them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from os import PathLike, fspath
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from g1_description.bounds import MAX_VALUE
+from g1_description.errors import InvalidValueError
+from g1_description.files.model_files import find_folder
+from g1_description.files.uris import local_path
+from g1_description.robot.arrays import one_pose
+from g1_description.robot.assembly import SCOPE, Assembly
+from g1_description.robot.description import Inertial, Link, Shape
+from g1_description.robot.rotation import from_rpy
+from g1_description.robot.transform import IDENTITY
+from g1_description.sim.model import Model
+from g1_description.text import listed
+
+COLOR = (0.76, 0.6, 0.42, 1.0)
+"""Colour of objects without one: that of wood."""
+
+INERTIAS = {
+    "box": lambda x, y, z: [
+        (y * y + z * z) / 12,
+        (x * x + z * z) / 12,
+        (x * x + y * y) / 12,
+    ],
+    "sphere": lambda r: 3 * [0.4 * r * r],
+    "cylinder": lambda r, h: [*2 * [(3 * r * r + h * h) / 12], r * r / 2],
+}
+"""Moments of inertia of solid shapes of 1 kg about their axes, in [m^2]."""
+
+
+@dataclass(frozen=True)
+class Attachment:
+    """A time in which a link carries an object."""
+
+    link: str
+    """Name of the link, or of a role in the robot's profile such as left_hand."""
+
+    begin: float = -np.inf
+    """When the link takes it, in [s]: it stays in the link's frame as it is then."""
+
+    end: float = np.inf
+    """When it is let go where it is then, in [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class SceneObject:
+    """An object: a rigid body that is no part of a robot."""
+
+    link: Link
+    """Its shapes, and its mass if it has one; its name is that of the object."""
+
+    pose: np.ndarray
+    """T_map_object at the start, shape (7,)."""
+
+    attachments: tuple[Attachment, ...] = ()
+    """In the order of time, without overlap."""
+
+    may_touch: frozenset[str] = frozenset()
+    """Links, roles and objects that may touch it, besides the link that carries it."""
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+        return self.link.name
+
+    @property
+    def mass(self) -> float | None:
+        """In [kg]; None: it is not known, and the object is static in a simulation."""
+        return self.link.inertial.mass if self.link.inertial else None
+
+    def __repr__(self) -> str:
+        """Show what it is and where."""
+        kinds = listed(dict.fromkeys(shape.kind for shape in self.link.collisions))
+        place = np.array2string(self.pose[:3], precision=3)
+        return f"<SceneObject {self.name}: {kinds or 'visual'} at {place}>"
+
+
+def shape_object(
+    name: str,
+    kind: str,
+    size: Any,
+    at: Any,
+    options: Mapping[str, Any],
+    file: str = "",
+) -> SceneObject:
+    """Make an object of one shape.
+
+    Args:
+        name: Its name.
+        kind: Of its shape.
+        size: Its sizes in [m], or the scale of a mesh.
+        at: Its place in [m], shape (3,), or its pose, shape (7,).
+        options: See ``Scene.box``.
+        file: The URI of a mesh.
+
+    Raises:
+        InvalidValueError: If a value is invalid.
+    """
+    known = ("rpy", "mass", "color", "may_touch")
+    for option in options:
+        if option not in known:
+            raise InvalidValueError(
+                f"{name}: unknown option '{option}'. Known options: {listed(known)}."
+            )
+    color = _color(name, options.get("color"))
+    shape = Shape(kind, tuple(map(float, size)), IDENTITY, file, kind, color=color)
+    inertial = _inertial(name, shape, options.get("mass"))
+    return SceneObject(
+        Link(name, inertial, (shape,), (shape,)),
+        object_pose(name, at, options.get("rpy")),
+        may_touch=names_touching(name, options.get("may_touch")),
+    )
+
+
+def names_touching(name: str, given: Any) -> frozenset[str]:
+    """Read what may touch an object."""
+    touching = given or ()
+    if isinstance(touching, str) or not all(isinstance(n, str) for n in touching):
+        raise InvalidValueError(f"{name}: may_touch must be a list of names.")
+    return frozenset(touching)
+
+
+def direction(name: str, given: Any) -> np.ndarray:
+    """Read the normal of a plane, shape (3,)."""
+    vector = numbers(name, "normal", given, 3)
+    length = float(np.linalg.norm(vector))
+    if length == 0.0:
+        raise InvalidValueError(f"The normal of {name} must not be zero.")
+    return np.asarray(vector / length)
+
+
+def model_objects(
+    name: str, assembly: Assembly, pose: np.ndarray
+) -> Iterator[SceneObject]:
+    """Make objects of the links of a model, its joints as they are at first.
+
+    Args:
+        name: Name of the model, and of its link if it has only one; others are called
+            ``name::link``.
+        assembly: The model.
+        pose: Pose of its frame in the map, shape (7,).
+    """
+    model = Model(name, assembly, pose)
+    is_one = len(model.link_names) == 1
+    for link, at in zip(model.link_names, model.poses):
+        own = replace(model.links[link], name=name if is_one else name + SCOPE + link)
+        if assembly.static:
+            own = replace(own, inertial=None)
+        yield SceneObject(own, np.array(at))
+
+
+def attached(carried: SceneObject, link: str, begin: Any, end: Any) -> SceneObject:
+    """Let a link carry an object for a time; see ``Scene.attach``."""
+    name = carried.name
+    begin, end = (
+        time if time in (-np.inf, np.inf) else numbers(name, "time", time, 1)[0]
+        for time in (begin, end)
+    )
+    new = Attachment(str(link), float(begin), float(end))
+    every = sorted((*carried.attachments, new), key=lambda one: one.begin)
+    ends = [time for one in every for time in (one.begin, one.end)]
+    if not begin < end or ends != sorted(ends):
+        raise InvalidValueError(
+            f"{name} cannot be attached to {link} from {begin:g} to {end:g} s: times "
+            "must increase, and must not overlap those of another attachment."
+        )
+    if any(shape.kind == "plane" for shape in carried.link.collisions):
+        raise InvalidValueError(f"{name} cannot be attached: it is a plane.")
+    return replace(carried, attachments=tuple(every))
+
+
+def mesh_uri(name: str, file: str | PathLike[str]) -> str:
+    """Return the URI of a mesh.
+
+    Raises:
+        InvalidValueError: If there is no such file.
+    """
+    given = fspath(file)
+    uri = given if "://" in given else Path(given).expanduser().absolute().as_uri()
+    if local_path(uri, find_folder) is None:
+        raise InvalidValueError(f"The mesh of {name} does not exist: {given}.")
+    return uri
+
+
+def object_pose(name: str, at: Any, rpy: Any = None) -> np.ndarray:
+    """Read where an object is.
+
+    Args:
+        name: Its name, for messages.
+        at: Its place in [m], shape (3,), or its pose, shape (7,).
+        rpy: Roll, pitch and yaw in [rad], shape (3,); None: 0, or as in the pose.
+
+    Returns:
+        The pose, shape (7,).
+
+    Raises:
+        InvalidValueError: If a value is invalid.
+    """
+    size = np.size(at)
+    if size == len(IDENTITY) and rpy is None:
+        return np.array(one_pose(numbers(name, "pose", at, 7)))
+    if size != 3:
+        raise InvalidValueError(
+            f"The place of {name} must be x y z in m, or a pose x y z and quaternion "
+            f"x y z w (got {str(at)[:80]})."
+        )
+    turn = IDENTITY[3:] if rpy is None else from_rpy(numbers(name, "rpy", rpy, 3))
+    return np.concatenate([numbers(name, "place", at, 3), turn])
+
+
+def numbers(name: str, what: str, given: Any, count: int) -> np.ndarray:
+    """Read some finite numbers, shape (count,)."""
+    try:
+        found = np.atleast_1d(np.asarray(given, dtype=float))
+    except (TypeError, ValueError):
+        found = np.zeros(0)
+    is_flag = any(isinstance(part, bool) for part in np.ravel(np.array(given, object)))
+    if found.shape != (count,) or is_flag or not (np.abs(found) <= MAX_VALUE).all():
+        needed = "a number" if count == 1 else f"{count} numbers"
+        raise InvalidValueError(
+            f"The {what} of {name} must be {needed} (got {str(given)[:80]})."
+        )
+    return found
+
+
+def sizes(name: str, what: str, given: Any, count: int = 1) -> tuple[float, ...]:
+    """Read sizes in [m]."""
+    found = numbers(name, what, given, count)
+    if not (found > 0.0).all():
+        raise InvalidValueError(
+            f"The {what} of {name} must be greater than 0 (got {str(given)[:80]})."
+        )
+    return tuple(found.tolist())
+
+
+def _color(name: str, given: Any) -> tuple[float, ...]:
+    """Read a colour."""
+    if given is None:
+        return COLOR
+    found = numbers(name, "color", given, 4 if np.size(given) == 4 else 3)
+    if not ((found >= 0.0) & (found <= 1.0)).all():
+        raise InvalidValueError(
+            f"The color of {name} must be red, green and blue from 0 to 1 (got "
+            f"{str(given)[:80]})."
+        )
+    return tuple([*found.tolist(), 1.0][:4])
+
+
+def _inertial(name: str, shape: Shape, mass: Any) -> Inertial | None:
+    """Compute the mass properties of a solid shape; of a mesh, those of a ball."""
+    if mass is None:
+        return None
+    (kilograms,) = sizes(name, "mass", mass)
+    if shape.kind == "plane":
+        raise InvalidValueError(f"{name} is a plane and cannot have a mass.")
+    lengths = shape.size if shape.kind in INERTIAS else (0.1,)
+    moments = INERTIAS.get(shape.kind, INERTIAS["sphere"])(*lengths)
+    return Inertial(kilograms, np.zeros(3), kilograms * np.diag(moments))

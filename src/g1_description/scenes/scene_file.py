@@ -1,0 +1,345 @@
+"""Scenes in files: YAML for people, or SDF as Gazebo reads it."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from lxml import etree
+
+from g1_description.errors import G1DescriptionError, SceneError
+from g1_description.files.atomic import write_whole
+from g1_description.files.model_files import find_model
+from g1_description.files.yaml import YamlError, read_yaml
+from g1_description.robot.assembly import SCOPE, Assembly
+from g1_description.robot.description import Link, Shape
+from g1_description.robot.rotation import axes_to_rpy, to_axes
+from g1_description.robot.transform import IDENTITY, compose
+from g1_description.robot.urdf import parse_urdf
+from g1_description.scenes.objects import (
+    COLOR,
+    SceneObject,
+    attached,
+    direction,
+    mesh_uri,
+    model_objects,
+    names_touching,
+    object_pose,
+    shape_object,
+    sizes,
+)
+from g1_description.sdf.document import BUILT_IN
+from g1_description.sdf.world import read_sdf
+from g1_description.text import listed, similar_first
+
+SECTIONS = {
+    "boxes": ("box", ("size",)),
+    "cylinders": ("cylinder", ("radius", "length")),
+    "spheres": ("sphere", ("radius",)),
+    "planes": ("plane", ("normal",)),
+    "meshes": ("mesh", ("file",)),
+}
+"""Sections of a YAML file: kinds of shapes, and the keys that each object has."""
+
+MODELS, ATTACH = "models", "attach"
+"""Sections of models from files, and of attachments."""
+
+SDF_ENDINGS = (".sdf", ".world")
+"""Endings of files of SDF."""
+
+TAGS = {
+    "box": ("size",),
+    "sphere": ("radius",),
+    "cylinder": ("radius", "length"),
+    "capsule": ("radius", "length"),
+    "plane": ("normal",),
+    "mesh": ("scale",),
+}
+"""Elements of sizes in SDF."""
+
+
+def read_objects(file: Path) -> list[SceneObject]:
+    """Read the objects of a scene; see ``Scene.read``."""
+    path = file.expanduser().absolute()
+    try:
+        if path.suffix.lower() in SDF_ENDINGS:
+            return objects_of_sdf(find_model(str(path)))
+        return _from_yaml(_mapping("the file", read_yaml(path)), path.parent)
+    except YamlError as error:
+        raise SceneError(f"The scene {file} cannot be used: {error}.") from error
+    except G1DescriptionError as error:
+        raise SceneError(f"The scene {file} cannot be used: {error}") from error
+
+
+def objects_of_sdf(text: str) -> list[SceneObject]:
+    """List the objects of an SDF document.
+
+    Raises:
+        DescriptionError: If it is not SDF.
+    """
+    models = read_sdf(text, find_model).models
+    return [
+        each
+        for model in models
+        for each in model_objects(model.name, model.assembly, model.pose)
+    ]
+
+
+def _from_yaml(content: Mapping[str, Any], folder: Path) -> list[SceneObject]:
+    """Read the sections of a file; paths begin at its folder."""
+    known = (*SECTIONS, MODELS, ATTACH)
+    found = []
+    for section, given in content.items():
+        if section not in known:
+            raise SceneError(
+                f"Unknown section '{section}'. Known sections: {listed(known)}."
+            )
+        for name, value in _mapping(section, given).items():
+            if section == MODELS:
+                found += _model(str(name), dict(_mapping(name, value)), folder)
+            elif section != ATTACH:
+                options = dict(_mapping(name, value))
+                found.append(_shape_of(section, str(name), options, folder))
+    numbers = {each.name: number for number, each in enumerate(found)}
+    for name, given in _mapping(ATTACH, content.get(ATTACH)).items():
+        if name not in numbers:
+            raise SceneError(
+                f"Unknown object '{name}' in {ATTACH}. Known objects: "
+                f"{listed(similar_first(str(name), numbers)) or 'none'}."
+            )
+        for one in given if isinstance(given, list) else [given]:
+            options = dict(_mapping(f"{ATTACH}: {name}", one))
+            link = options.pop("link", None)
+            times = {"from": -np.inf, "until": np.inf, **options}
+            if not isinstance(link, str) or len(times) > 2:
+                raise SceneError(
+                    f"{ATTACH}: {name} must have a link, and may have the times from "
+                    f"and until in s (got {str(one)[:80]})."
+                )
+            row = numbers[name]
+            found[row] = attached(found[row], link, times["from"], times["until"])
+    return found
+
+
+def _mapping(what: object, given: object) -> Mapping[str, Any]:
+    """Return a mapping; nothing is an empty one."""
+    if given is None:
+        return {}
+    if not isinstance(given, Mapping):
+        raise SceneError(
+            f"{what} must be a mapping, such as name: {{...}} (got {str(given)[:80]})."
+        )
+    return given
+
+
+def _shape_of(
+    section: str, name: str, options: dict[str, Any], folder: Path
+) -> SceneObject:
+    """Read an object of one shape."""
+    kind, keys = SECTIONS[section]
+    missing = [key for key in (*keys, "at") if key not in options]
+    if missing:
+        raise SceneError(f"{name} in {section} has no {listed(missing)}.")
+    at, file = _place(options), ""
+    if kind == "mesh":
+        file = mesh_uri(name, _path(options.pop("file"), folder))
+        given = options.pop("scale", 1.0)
+        size = np.broadcast_to(sizes(name, "scale", given, np.size(given)), 3)
+    elif kind == "plane":
+        size = direction(name, options.pop("normal"))
+    else:
+        count = 3 if kind == "box" else 1
+        size = [n for key in keys for n in sizes(name, key, options.pop(key), count)]
+    return shape_object(name, kind, size, at, options, file)
+
+
+def _place(options: dict[str, Any]) -> Any:
+    """Take a place, with its quaternion, from options."""
+    at = options.pop("at", [0.0, 0.0, 0.0])
+    turn = options.pop("quaternion", None)
+    both = isinstance(at, list) and isinstance(turn, list)
+    return [*at, *turn] if both else at
+
+
+def _path(given: object, folder: Path) -> str:
+    """Return a URI, or a path from the folder of the scene."""
+    text = str(given)
+    return text if "://" in text else str(folder / Path(text).expanduser())
+
+
+def _model(name: str, options: dict[str, Any], folder: Path) -> Iterator[SceneObject]:
+    """Read the links of a model of SDF or URDF, from a file or in the text."""
+    keys = ("file", "sdf", "at", "rpy", "quaternion", "may_touch")
+    unknown = [key for key in options if key not in keys]
+    if unknown or ("file" in options) == ("sdf" in options):
+        raise SceneError(
+            f"{name} in {MODELS} must have a file or sdf, and may have at, rpy or "
+            f"quaternion, and may_touch (got {listed(options)})."
+        )
+    file = _path(options["file"], folder) if "file" in options else ""
+    text = BUILT_IN.get(file) or find_model(file) if file else str(options["sdf"])
+    pose = object_pose(name, _place(options), options.get("rpy"))
+    if "<robot" in text[:2000]:
+        found = [*model_objects(name, Assembly(parse_urdf(text)), pose)]
+    else:
+        models = read_sdf(text, find_model).models
+        found = [
+            each
+            for model in models
+            for each in model_objects(
+                name if len(models) == 1 else name + SCOPE + model.name,
+                model.assembly,
+                compose(pose, model.pose),
+            )
+        ]
+    touching = names_touching(name, options.get("may_touch"))
+    return (replace(each, may_touch=touching) for each in found)
+
+
+def write_objects(objects: Collection[SceneObject], file: Path) -> None:
+    """Write a scene; see ``Scene.save``."""
+    if file.suffix.lower() in SDF_ENDINGS:
+        carried = [each.name for each in objects if each.attachments]
+        if carried:
+            raise SceneError(
+                f"SDF has no attachments, which {listed(carried)} has. Save the scene "
+                "as .yaml."
+            )
+        write_whole(file, sdf_of(objects).encode("utf-8"))
+        return
+    write_whole(file, _yaml(objects).encode("utf-8"))
+
+
+def _yaml(objects: Collection[SceneObject]) -> str:
+    """Write the sections of a file, each object in a line."""
+    from ruamel.yaml import YAML
+    from ruamel.yaml.comments import CommentedMap
+    from ruamel.yaml.scalarstring import LiteralScalarString
+
+    sections = {kind: section for section, (kind, _) in SECTIONS.items()}
+    content: dict[str, Any] = {}
+    for each in objects:
+        line = CommentedMap(_line(each))
+        section = MODELS
+        if "sdf" in line:
+            line["sdf"] = LiteralScalarString(line["sdf"])
+        else:
+            line.fa.set_flow_style()
+            section = sections[each.link.collisions[0].kind]
+        content.setdefault(section, {})[each.name] = line
+        if each.attachments:
+            times = []
+            for one in each.attachments:
+                given = {"link": one.link, "from": one.begin, "until": one.end}
+                finite = {k: v for k, v in given.items() if v not in (-np.inf, np.inf)}
+                times.append(CommentedMap(finite))
+                times[-1].fa.set_flow_style()
+            content.setdefault(ATTACH, {})[each.name] = (
+                times[0] if len(times) == 1 else times
+            )
+    if ATTACH in content:
+        content[ATTACH] = content.pop(ATTACH)  # the last section
+    writer = YAML()
+    writer.width = 4096  # type: ignore[assignment]
+    lines = io.StringIO()
+    writer.dump(content, lines)
+    return lines.getvalue()
+
+
+def _line(each: SceneObject) -> dict[str, Any]:
+    """Write an object in YAML: one shape by its sizes, others as SDF."""
+    shapes = each.link.collisions
+    keys = dict(SECTIONS.values())
+    is_simple = (
+        len(shapes) == 1
+        and each.link.visuals == shapes
+        and shapes[0].kind in keys
+        and np.array_equal(shapes[0].pose, IDENTITY)
+    )
+    found: dict[str, Any] = {}
+    if not is_simple:
+        found["sdf"] = sdf_of([replace(each, pose=IDENTITY)])
+    elif shapes[0].kind == "mesh":
+        found = {"file": shapes[0].filename, "scale": [*shapes[0].size]}
+    elif len(shapes[0].size) == len(keys[shapes[0].kind]):
+        found = dict(zip(keys[shapes[0].kind], shapes[0].size))
+    else:
+        found = {keys[shapes[0].kind][0]: [*shapes[0].size]}
+    found["at"] = each.pose[:3].tolist()
+    if not np.array_equal(each.pose[3:], IDENTITY[3:]):
+        found["quaternion"] = each.pose[3:].tolist()
+    if is_simple and each.mass is not None:
+        found["mass"] = each.mass
+    if is_simple and shapes[0].color not in (None, COLOR):
+        found["color"] = [*shapes[0].color]
+    if each.may_touch:
+        found["may_touch"] = sorted(each.may_touch)
+    return found
+
+
+def sdf_of(objects: Collection[SceneObject]) -> str:
+    """Write objects as an SDF world: a model of one link for each object.
+
+    An object without mass is static.
+    """
+    root = etree.Element("sdf", version="1.6")
+    world = etree.SubElement(root, "world", name="default")
+    for each in objects:
+        model = etree.SubElement(world, "model", name=each.name)
+        etree.SubElement(model, "static").text = str(each.mass is None).lower()
+        _pose(model, each.pose)
+        _link(etree.SubElement(model, "link", name="link"), each.link)
+    return etree.tostring(root, pretty_print=True, encoding="unicode")
+
+
+def _link(element: etree._Element, link: Link) -> None:
+    """Write mass and shapes of a link."""
+    if link.inertial is not None:
+        inertial = etree.SubElement(element, "inertial")
+        etree.SubElement(inertial, "mass").text = repr(link.inertial.mass)
+        _pose(inertial, np.concatenate([link.inertial.center_of_mass, IDENTITY[3:]]))
+        inertia = etree.SubElement(inertial, "inertia")
+        for row, column in zip(*np.triu_indices(3)):
+            tag = "i" + "xyz"[row] + "xyz"[column]
+            value = float(link.inertial.inertia[row, column])
+            etree.SubElement(inertia, tag).text = repr(value)
+    for kind, shapes in (("collision", link.collisions), ("visual", link.visuals)):
+        for number, shape in enumerate(shapes):
+            name = shape.name or kind
+            own = f"{name}_{number}" if number else name
+            _shape(etree.SubElement(element, kind, name=own), shape)
+
+
+def _shape(element: etree._Element, shape: Shape) -> None:
+    """Write where a shape is, its sizes, its colour and its friction."""
+    _pose(element, shape.pose)
+    holder = etree.SubElement(element, "geometry")
+    geometry = etree.SubElement(holder, shape.kind)
+    if shape.kind == "mesh":
+        etree.SubElement(geometry, "uri").text = shape.filename
+    tags = TAGS[shape.kind]
+    sizes = [[value] for value in shape.size] if len(tags) > 1 else [[*shape.size]]
+    for tag, values in zip(tags, sizes):
+        etree.SubElement(geometry, tag).text = " ".join(map(repr, map(float, values)))
+    if element.tag == "visual" and shape.color is not None:
+        color = " ".join(f"{part:.6g}" for part in shape.color)
+        material = etree.SubElement(element, "material")
+        for tag in ("ambient", "diffuse"):
+            etree.SubElement(material, tag).text = color
+    if element.tag == "collision" and shape.friction is not None:
+        friction = etree.SubElement(etree.SubElement(element, "surface"), "friction")
+        ode = etree.SubElement(friction, "ode")
+        etree.SubElement(ode, "mu").text = repr(shape.friction)
+
+
+def _pose(element: etree._Element, pose: np.ndarray) -> None:
+    """Write a pose as x y z and roll, pitch, yaw."""
+    if np.array_equal(pose, IDENTITY):
+        return
+    rpy = axes_to_rpy(to_axes(pose[3:]))
+    text = " ".join(repr(float(part)) for part in (*pose[:3], *rpy))
+    etree.SubElement(element, "pose").text = text
