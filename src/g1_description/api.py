@@ -68,7 +68,8 @@ if TYPE_CHECKING:
     from g1_description.checks.checker import Checker
     from g1_description.checks.comparison import Comparison
     from g1_description.checks.verdict import Verdict
-    from g1_description.collisions.self_collisions import Contacts, SelfCollisions
+    from g1_description.collisions.contacts import Contacts
+    from g1_description.collisions.self_collisions import SelfCollisions
     from g1_description.ik.inverse_kinematics import IkResult
     from g1_description.ik.keyframe_poses import Keyframe, Keyframes
     from g1_description.ik.limits import Limit, TrajectoryBounds

@@ -16,7 +16,8 @@ from g1_description.checks.support import (
     zero_moment_points,
 )
 from g1_description.checks.thresholds import Thresholds
-from g1_description.collisions.self_collisions import Contacts, SelfCollisions
+from g1_description.collisions.contacts import Contacts
+from g1_description.collisions.self_collisions import SelfCollisions
 from g1_description.errors import MotionError
 from g1_description.motion.motion import Motion, Sample, sample
 from g1_description.robot.assembly import WORLD, base_of, root_in_base

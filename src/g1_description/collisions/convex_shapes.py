@@ -25,6 +25,9 @@ TOLERANCE = 5e-4
 """Largest distance by which thinning may shrink a hull with many points, in [m]:
 PyBullet's run time grows with the number of points."""
 
+MAX_SIDES = 256
+"""Most sides of a prism for a cylinder."""
+
 
 @dataclass(frozen=True)
 class ConvexShape:
@@ -42,7 +45,7 @@ class ConvexShape:
 
 
 def robot_shapes(
-    description: Description, visual_hulls: bool = True
+    description: Description, visual_hulls: bool = True, tolerance: float = TOLERANCE
 ) -> tuple[tuple[ConvexShape, ...], tuple[str, ...]]:
     """Find the shapes of the links of a robot.
 
@@ -50,13 +53,28 @@ def robot_shapes(
         description: The robot, with absolute mesh URIs.
         visual_hulls: Whether links without collision shapes use the convex hulls of
             their visuals.
+        tolerance: As for ``link_shapes``.
 
     Returns:
         In the order of the links: boxes, cylinders (as prisms) and meshes as convex
         hulls, with a hull for each part of a collision mesh; spheres and capsules
         exactly. Planes are ignored. And messages on what cannot be read.
     """
-    links = posed_links(description)
+    found, left_out = link_shapes(posed_links(description), visual_hulls, tolerance)
+    return found, (*description.unread, *left_out)
+
+
+def link_shapes(
+    links: Sequence[Link], visual_hulls: bool, tolerance: float
+) -> tuple[tuple[ConvexShape, ...], tuple[str, ...]]:
+    """Find the shapes of links, as ``robot_shapes`` does.
+
+    Args:
+        links: The links; their rows are those of the shapes.
+        visual_hulls: Whether links without collision shapes use those of their visuals.
+        tolerance: Largest distance by which thinning may shrink a hull with many
+            points, and of a prism from its cylinder, in [m].
+    """
     used = [
         [
             shape
@@ -72,9 +90,11 @@ def robot_shapes(
             ConvexShape(row, shape.pose[:3] + rotate(shape.pose[3:], points), radius)
             for shape in shapes
             if is_there(shape, meshes)
-            for points, radius in _hulls(shape, meshes, bool(link.collisions))
+            for points, radius in _hulls(
+                shape, meshes, bool(link.collisions), tolerance
+            )
         ]
-    return tuple(found), (*description.unread, *left_out)
+    return tuple(found), left_out
 
 
 def posed_links(description: Description) -> list[Link]:
@@ -84,7 +104,7 @@ def posed_links(description: Description) -> list[Link]:
 
 
 def _hulls(
-    shape: Shape, meshes: Mapping[str, Mesh], is_split: bool
+    shape: Shape, meshes: Mapping[str, Mesh], is_split: bool, tolerance: float
 ) -> Iterator[tuple[np.ndarray, float]]:
     """Yield vertices in a shape's frame, shape (n, 3), with the radius around them.
 
@@ -92,15 +112,29 @@ def _hulls(
     """
     if shape.kind == "mesh" and is_split:
         for part in hull_points(meshes[shape.filename]):
-            yield _few(part * np.array(shape.size)), 0.0
+            yield _few(part * np.array(shape.size), tolerance), 0.0
+    elif shape.kind == "cylinder" and tolerance < TOLERANCE:
+        radius, length = shape.size
+        yield _fine_cylinder(radius, length, tolerance), 0.0
     else:
         points, radius = outline(shape, meshes)
-        yield _few(points), radius
+        yield _few(points, tolerance), radius
 
 
-def _few(points: np.ndarray) -> np.ndarray:
+def _few(points: np.ndarray, tolerance: float) -> np.ndarray:
     """Select points with almost the same convex hull, shape (m, 3)."""
-    return thinned(hull_vertices(points), TOLERANCE)[0]
+    return thinned(hull_vertices(points), tolerance)[0]
+
+
+def _fine_cylinder(radius: float, length: float, tolerance: float) -> np.ndarray:
+    """Make a prism within a tolerance of a cylinder, inside and outside of it."""
+    half = np.arccos(1.0 - min(2.0 * tolerance / radius, 0.5))
+    count = int(np.clip(np.ceil(np.pi / half), 8, MAX_SIDES))
+    angle = np.arange(count) * (2.0 * np.pi / count)
+    outer = 2.0 * radius / (1.0 + np.cos(np.pi / count))
+    circle = outer * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    ends = [np.insert(circle, 2, z, axis=1) for z in (length / 2, -length / 2)]
+    return np.concatenate(ends)
 
 
 # Entries of a rotation matrix, row by row: each has two products of the quaternion's
@@ -205,6 +239,19 @@ class Bounds:
         self._axes = np.array([axes for _, axes, _ in boxes]).reshape(-1, 3, 3)
         self._half = np.array([half for _, _, half in boxes]).reshape(-1, 3)
         self._radius = np.linalg.norm(self._half, axis=1)
+
+    def spheres(self, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Place the spheres.
+
+        Args:
+            poses: Poses of the links in the world, shape (n, n_links, 7).
+
+        Returns:
+            Centres in the world, shape (n, n_shapes, 3), and radii, shape (n_shapes,),
+            in [m].
+        """
+        own = poses[:, self._link]
+        return own[..., :3] + rotate(own[..., 3:], self._center), self._radius
 
     def near(
         self, T_world_link: np.ndarray, axes: np.ndarray, pairs: np.ndarray, gap: float

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from os import PathLike, fspath
 from pathlib import Path
@@ -25,7 +25,7 @@ from g1_description.text import listed
 COLOR = (0.76, 0.6, 0.42, 1.0)
 """Colour of objects without one: that of wood."""
 
-INERTIAS = {
+INERTIAS: Mapping[str, Callable[..., Any]] = {
     "box": lambda x, y, z: [
         (y * y + z * z) / 12,
         (x * x + z * z) / 12,

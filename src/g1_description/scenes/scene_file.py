@@ -92,7 +92,7 @@ def objects_of_sdf(text: str) -> list[SceneObject]:
 def _from_yaml(content: Mapping[str, Any], folder: Path) -> list[SceneObject]:
     """Read the sections of a file; paths begin at its folder."""
     known = (*SECTIONS, MODELS, ATTACH)
-    found = []
+    found: list[SceneObject] = []
     for section, given in content.items():
         if section not in known:
             raise SceneError(
@@ -145,6 +145,7 @@ def _shape_of(
     if missing:
         raise SceneError(f"{name} in {section} has no {listed(missing)}.")
     at, file = _place(options), ""
+    size: Any
     if kind == "mesh":
         file = mesh_uri(name, _path(options.pop("file"), folder))
         given = options.pop("scale", 1.0)
@@ -274,8 +275,8 @@ def _line(each: SceneObject) -> dict[str, Any]:
         found["quaternion"] = each.pose[3:].tolist()
     if is_simple and each.mass is not None:
         found["mass"] = each.mass
-    if is_simple and shapes[0].color not in (None, COLOR):
-        found["color"] = [*shapes[0].color]
+    if is_simple and shapes[0].color != COLOR:
+        found["color"] = [*(shapes[0].color or COLOR)]
     if each.may_touch:
         found["may_touch"] = sorted(each.may_touch)
     return found

@@ -10,7 +10,7 @@ from g1_description.checks.measured import CheckedRobot, Measured
 from g1_description.checks.rule import Rule
 from g1_description.checks.thresholds import Level
 from g1_description.checks.verdict import BY_LIMBS, Finding
-from g1_description.collisions.self_collisions import Contacts
+from g1_description.collisions.contacts import Contacts
 
 
 def per_pair(

@@ -1,0 +1,219 @@
+"""A robot among objects: which links, and objects that they carry, are near others."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from g1_description.collisions.contacts import Contacts, ShapeContacts, deepest
+from g1_description.collisions.convex_shapes import (
+    ConvexShape,
+    axes_of,
+    link_shapes,
+    posed_links,
+    robot_shapes,
+    turn,
+)
+from g1_description.errors import UnknownNameError
+from g1_description.robot.assembly import rigid_frames
+from g1_description.robot.description import Description
+from g1_description.robot.rotation import rotate
+from g1_description.scenes.scene import Scene
+from g1_description.text import listed, similar_first
+
+TOLERANCE = 5e-5
+"""Largest difference of hulls from their shapes, in [m]."""
+
+
+class Obstacles(ShapeContacts):
+    """Finds contacts of a robot with the objects of a scene.
+
+    Checked are links with objects, and objects that links carry with other objects.
+    What carries an object, and what may touch it, is not checked with it; each with
+    all links that fixed joints connect to it.
+    """
+
+    def __init__(
+        self, description: Description, scene: Scene, visual_hulls: bool = True
+    ) -> None:
+        """Read the meshes and prepare the shapes.
+
+        Args:
+            description: The robot, with absolute mesh URIs.
+            scene: The objects.
+            visual_hulls: Whether what has no collision shapes uses the convex hulls of
+                its visuals.
+
+        Raises:
+            UnknownNameError: If a link or object is named that does not exist.
+        """
+        of_links, of_robot = robot_shapes(description, visual_hulls, TOLERANCE)
+        bodies = [each.link for each in scene.values()]
+        of_objects, of_scene = link_shapes(bodies, visual_hulls, TOLERANCE)
+        self.notes = tuple(dict.fromkeys((*of_robot, *of_scene)))
+        """Messages on meshes that cannot be read."""
+        links = [link.name for link in posed_links(description)]
+        self.names = (*links, *scene)
+        """Names of links, then of objects, in the order of their poses."""
+        self._n_links = len(links)
+        shapes = list(of_links)
+        shapes += [replace(s, link=s.link + self._n_links) for s in of_objects]
+        self._planes = [
+            (row, shape.pose[:3], rotate(shape.pose[3:], np.array(shape.size)))
+            for row, body in enumerate(bodies, self._n_links)
+            for shape in body.collisions
+            if shape.kind == "plane"
+        ]
+        solid = {shape.link for shape in shapes} | {row for row, _, _ in self._planes}
+        pairs = [pair for pair in _pairs(description, scene) if solid.issuperset(pair)]
+        self.pairs = tuple((self.names[a], self.names[b]) for a, b in pairs)
+        """Names of a link or carried object, and of an object, as in ``Contacts``."""
+        convex = {shape.link for shape in shapes}
+        # No shape pairs for those of planes, whose contacts are computed on their own.
+        super().__init__(shapes, pairs, len(self.names))
+        self._plane_pairs = [
+            (number, pair[0], plane)
+            for number, pair in enumerate(pairs)
+            for plane in self._planes
+            if pair[1] == plane[0] and pair[0] in convex
+        ]
+
+    def contacts_among(
+        self, link_poses: np.ndarray, object_poses: np.ndarray, margin: float = 0.0
+    ) -> Contacts:
+        """Find what is nearer than a margin.
+
+        Args:
+            link_poses: Poses of all links in the map, in the order of the description,
+                without a root that is the world, shape (n, n_links, 7).
+            object_poses: Poses of the objects in the map, in the order of the scene,
+                shape (n, n_objects, 7), or (n_objects, 7) if they do not move.
+            margin: In [m]; 0: only overlaps.
+
+        Returns:
+            The contacts, with the rows of ``pairs``.
+
+        Raises:
+            InvalidValueError: If poses have another shape or are not finite.
+        """
+        objects = np.broadcast_to(
+            object_poses, (len(link_poses), *object_poses.shape[-2:])
+        )
+        poses = np.concatenate([link_poses, objects], axis=1)
+        found = [self.contacts(poses, margin)]
+        found += self._plane_contacts(poses, margin)
+        joined = Contacts.joined(found)
+        return joined[deepest(joined)]
+
+    def _near_rows(self, poses: np.ndarray, rows: np.ndarray, gap: float) -> np.ndarray:
+        """Leave out shapes of objects that are far from the whole robot throughout."""
+        placed = self._bounds.spheres(poses)
+        center, radius = placed
+        low = (center - radius[:, np.newaxis]).min(axis=0)
+        high = (center + radius[:, np.newaxis]).max(axis=0)
+        first, second = rows[:, 0], rows[:, 1]
+        apart = np.maximum(low[first] - high[second], low[second] - high[first])
+        return rows[apart.max(axis=1) < gap]
+
+    def _plane_contacts(self, poses: np.ndarray, margin: float) -> Iterator[Contacts]:
+        """Yield contacts with planes."""
+        for number, row, (plane, point, normal) in self._plane_pairs:
+            of_plane = poses[:, plane]
+            normals = rotate(of_plane[:, 3:], normal)
+            points = of_plane[:, :3] + rotate(of_plane[:, 3:], point)
+            axes = axes_of(poses[:, row, 3:])
+            inward = turn(np.swapaxes(axes, 1, 2), normals)
+            for shape in self._shapes_of(row):
+                along = inward @ shape.points.T
+                lowest = shape.points[along.argmin(axis=1)]
+                nearest = poses[:, row, :3] + turn(axes, lowest)
+                nearest -= shape.radius * normals
+                distance = ((nearest - points) * normals).sum(axis=1)
+                near = np.flatnonzero(distance < margin)
+                size, normal_a = distance[near], -normals[near]
+                points_a = nearest[near]
+                yield Contacts(
+                    near,
+                    np.full(len(near), number),
+                    size,
+                    points_a,
+                    points_a + size[:, np.newaxis] * normal_a,
+                    normal_a,
+                )
+
+    def _shapes_of(self, row: int) -> list[ConvexShape]:
+        """List the shapes on a frame."""
+        return [shape for shape in self.shapes if shape.link == row]
+
+
+def carriers(description: Description, scene: Scene) -> Mapping[str, str]:
+    """Look up the links that carry objects.
+
+    Args:
+        description: The robot.
+        scene: Objects, with attachments to links or roles.
+
+    Returns:
+        Names of links by the names in attachments.
+
+    Raises:
+        UnknownNameError: If there is no such link or role.
+    """
+    given = [one.link for each in scene.values() for one in each.attachments]
+    return {name: _link_of(description, name, "carries an object") for name in given}
+
+
+def _link_of(description: Description, name: str, what: str) -> str:
+    """Look up a link by its name or role."""
+    link = description.profile.links.get(name, name)
+    if link not in description.link_names:
+        known = listed(similar_first(name, description.link_names))
+        raise UnknownNameError(
+            f"{description.name} has no link or role '{name}' that {what}. Its links: "
+            f"{known}."
+        )
+    return link
+
+
+def _pairs(description: Description, scene: Scene) -> Iterator[tuple[int, int]]:
+    """Yield the rows of links or carried objects, and of objects, that are checked."""
+    links = [link.name for link in posed_links(description)]
+    body = {
+        link: body
+        for tree in description.trees
+        for link, (body, _) in rigid_frames(tree).items()
+    }
+    carrier = carriers(description, scene)
+    objects = list(scene.values())
+    touching = [
+        _touching(description, scene, each.may_touch, each.name) for each in objects
+    ]
+    for row, each in enumerate(objects, len(links)):
+        own = touching[row - len(links)]
+        free = {body[carrier[one.link]] for one in each.attachments}
+        free |= {body[name] for name in own if name in body}
+        for number, link in enumerate(links):
+            if body[link] not in free:
+                yield number, row
+        if each.attachments:
+            for other, thing in enumerate(objects, len(links)):
+                names = touching[other - len(links)]
+                is_free = each.name in names or thing.name in own
+                is_double = bool(thing.attachments) and other <= row
+                if thing is not each and not is_free and not is_double:
+                    yield row, other
+
+
+def _touching(
+    description: Description, scene: Scene, names: Collection[str], owner: str
+) -> set[str]:
+    """Look up what may touch an object: links, roles and objects."""
+    found = set()
+    for name in names:
+        is_object = name in scene
+        found.add(
+            name if is_object else _link_of(description, name, f"may touch {owner}")
+        )
+    return found
