@@ -1,0 +1,148 @@
+"""Where objects are in the course of a motion, and which links carry them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Callable, NamedTuple
+
+import numpy as np
+
+from g1_description.errors import UnknownNameError
+from g1_description.motion.motion import Motion, sample
+from g1_description.robot.assembly import Assembly, root_in_base
+from g1_description.robot.description import Description
+from g1_description.robot.kinematics import Kinematics
+from g1_description.robot.transform import IDENTITY, compose, inverse
+from g1_description.scenes.objects import SceneObject
+from g1_description.text import listed, similar_first
+
+LinkPoses = Callable[[str, np.ndarray], np.ndarray]
+"""Returns T_map_link, shape (n, 7), of a link's name and times in [s], shape (n,).
+Times before the first and after the last count as these."""
+
+
+class Hold(NamedTuple):
+    """A time in which an object does not move in the frame of a link, or the map."""
+
+    begin: float
+    """When it begins, in [s]; it ends when the next one begins."""
+
+    link: str
+    """The link that carries the object; empty: none, it stays in the map."""
+
+    pose: np.ndarray
+    """T_link_object, or T_map_object, shape (7,)."""
+
+
+def motion_links(
+    robot: Description, motion: Motion, base: np.ndarray = IDENTITY
+) -> LinkPoses:
+    """Find the links of a robot that follows a motion.
+
+    Args:
+        robot: The robot.
+        motion: Its motion; other joints are at zero.
+        base: T_map_base of a motion without poses of the base, shape (7,).
+    """
+    kinematics, T_base_root = Kinematics(robot), root_in_base(robot)
+    rows = {name: row for row, name in enumerate(Assembly(robot).link_names)}
+    names = [joint.name for joint in robot.movable_joints]
+    columns = {name: names.index(name) for name in motion.joint_names if name in names}
+    used = [motion.joint_names.index(name) for name in columns]
+
+    def link_poses(link: str, times: np.ndarray) -> np.ndarray:
+        found = sample(motion, np.clip(times, motion.begin, motion.end))
+        positions = np.zeros((len(times), len(names)))
+        positions[:, [*columns.values()]] = found.positions[:, used]
+        bases = found.base_poses
+        bases = np.tile(base, (len(times), 1)) if bases is None else bases
+        roots = compose(bases, T_base_root)
+        return kinematics.link_poses(roots, positions)[:, rows[link]]
+
+    return link_poses
+
+
+def holds_of(
+    objects: Iterable[SceneObject], robot: Description, link_poses: LinkPoses
+) -> list[list[Hold]]:
+    """Find out what holds objects, and where in its frame they are.
+
+    From the begin of an attachment on, the object stays in the link's frame as it is
+    then; from its end on, in the map as it is then.
+
+    Args:
+        objects: The objects, such as the values of a scene.
+        robot: The robot whose links carry them.
+        link_poses: Poses of its links.
+
+    Returns:
+        For each object its holds, which begin in the order of time, the first at
+        -inf; one that is never attached has a single one.
+
+    Raises:
+        UnknownNameError: If the robot has neither a link nor a role of a name.
+    """
+    return [_holds(each, robot, link_poses) for each in objects]
+
+
+def _holds(each: SceneObject, robot: Description, link_poses: LinkPoses) -> list[Hold]:
+    """Find out what holds one object."""
+    holds, pose = [Hold(-np.inf, "", each.pose)], each.pose
+    for one in each.attachments:
+        link = carrying_link(each.name, one.link, robot)
+        begin, end = link_poses(link, np.array([one.begin, one.end]))
+        grip = compose(inverse(begin), pose)
+        pose = compose(end, grip)
+        holds = [hold for hold in holds if hold.begin < one.begin]  # the rest is empty
+        holds.append(Hold(one.begin, link, grip))
+        if one.end < np.inf:
+            holds.append(Hold(one.end, "", pose))
+    return holds
+
+
+def carrying_link(name: str, link: str, robot: Description) -> str:
+    """Return the link of a name or role.
+
+    Args:
+        name: Name of the object that it carries.
+        link: Name of the link, or of a role in the robot's profile.
+        robot: The robot.
+
+    Raises:
+        UnknownNameError: If there is none.
+    """
+    roles: Mapping[str, str] = robot.profile.links
+    found = link if link in robot.link_names else roles.get(link, "")
+    if found not in robot.link_names:
+        known = listed(similar_first(link, [*roles, *robot.link_names]))
+        raise UnknownNameError(
+            f"{name} is attached to {link}, but '{robot.name}' has no such link. Its "
+            f"roles and links: {known}."
+        )
+    return found
+
+
+def object_poses(
+    holds: Sequence[Sequence[Hold]], times: np.ndarray, link_poses: LinkPoses
+) -> np.ndarray:
+    """Compute where objects are.
+
+    Args:
+        holds: Those of each object, see ``holds_of``.
+        times: In [s], shape (n,).
+        link_poses: Poses of the links.
+
+    Returns:
+        T_map_object, shape (n, n_objects, 7).
+    """
+    poses = np.empty((len(times), len(holds), 7))
+    for column, some in enumerate(holds):
+        number = np.searchsorted([hold.begin for hold in some], times, "right") - 1
+        for row, hold in enumerate(some):
+            now = number == row
+            if hold.link and now.any():
+                links = link_poses(hold.link, times[now])
+                poses[now, column] = compose(links, hold.pose)
+            else:
+                poses[now, column] = hold.pose
+    return poses
