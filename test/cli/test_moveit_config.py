@@ -15,7 +15,7 @@ from pages import ROOT, programs
 from roslaunch.config import ROSLaunchConfig
 from roslaunch.xmlloader import XmlLoader
 
-from g1_description import Robot
+from g1_description import Robot, Scene
 from g1_description.bridge.controllers import read_controllers
 from g1_description.cli.moveit_config import MoveItOptions, run
 from g1_description.errors import InvalidValueError
@@ -38,7 +38,10 @@ TREE = """<robot name="gripper_on_a_rail">
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     out = tmp_path_factory.mktemp("moveit") / "g1_moveit"
-    run(MoveItOptions(out))
+    scene = Scene()
+    scene.sphere("ball", 0.1, [0.5, 0, 1])
+    scene.save(out.parent / "scene.yaml")
+    run(MoveItOptions(out, scene=out.parent / "scene.yaml"))
     return out
 
 
@@ -149,7 +152,8 @@ def test_roslaunch_reads_the_launch_file(folder):
     assert values[f"{pipeline}/planning_plugin"] == "ompl_interface/OMPLPlanner"
     assert len(values["/link_states_bridge/controllers"]) == 5
     nodes = {node.name for node in config.nodes}
-    assert {"gazebo", "link_states_bridge", "move_group"} <= nodes
+    assert {"gazebo", "link_states_bridge", "move_group", "publish_objects"} <= nodes
+    assert "* ball" in (folder / "objects.scene").read_text().splitlines()
 
 
 def test_a_robot_without_a_profile_has_groups_of_its_own_links(tmp_path, capsys):

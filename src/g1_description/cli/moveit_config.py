@@ -24,6 +24,8 @@ from g1_description.files.atomic import write_whole
 from g1_description.robot.assembly import limbs_of
 from g1_description.robot.description import Description, Joint
 from g1_description.robot.profile import is_profile
+from g1_description.scenes.moveit import scene_text
+from g1_description.scenes.scene import Scene
 
 LIMBS = {
     "left_hand": "left_arm",
@@ -41,7 +43,7 @@ WHOLE = "whole_body"
 
 SRDF, CONTROLLERS, BRIDGE = "robot.srdf", "controllers.yaml", "bridge.yaml"
 JOINT_LIMITS, KINEMATICS = "joint_limits.yaml", "kinematics.yaml"
-PLANNING, LAUNCH = "ompl_planning.yaml", "moveit.launch"
+PLANNING, SCENE, LAUNCH = "ompl_planning.yaml", "objects.scene", "moveit.launch"
 
 FOR_MOVEIT = (
     "action_ns: follow_joint_trajectory",
@@ -72,6 +74,14 @@ class MoveItOptions:
 
     out: Path = argument("the folder to write", Path, metavar="OUT")
     model: str = options.model()
+    scene: Path | None = option(
+        "a scene, whose objects MoveIt gets",
+        None,
+        Path,
+        metavar="FILE",
+        shown="none",
+        see="[scenes](scenes.md)",
+    )
     force: bool = option("replace existing files", False)
 
 
@@ -255,8 +265,12 @@ def planning(groups: Sequence[Group]) -> str:
     return "\n".join([*lines, ""])
 
 
-def launch(model: str) -> str:
+def launch(model: str, has_scene: bool) -> str:
     """Write the launch file of display.launch and move_group."""
+    objects = f"""
+  <node name="publish_objects" pkg="moveit_ros_planning"
+    type="moveit_publish_scene_from_text" args="$(dirname)/{SCENE}"
+    if="$(arg move_group)"/>"""
     argument = "robot" if is_profile(model) else "model"
     if Path(model).exists():  # roslaunch may start elsewhere
         model = str(Path(model).resolve())
@@ -294,7 +308,7 @@ def launch(model: str) -> str:
     <param name="publish_geometry_updates" value="true"/>
     <param name="publish_state_updates" value="true"/>
     <param name="publish_transforms_updates" value="true"/>
-  </node>
+  </node>{objects if has_scene else ""}
 </launch>
 """
 
@@ -317,8 +331,10 @@ def run(args: MoveItOptions) -> None:
         JOINT_LIMITS: joint_limits(robot.description),
         KINEMATICS: kinematics(groups),
         PLANNING: planning(groups),
-        LAUNCH: launch(args.model),
+        LAUNCH: launch(args.model, args.scene is not None),
     }
+    if args.scene is not None:
+        files[SCENE] = scene_text([*Scene.read(args.scene).values()])
     there = [name for name in files if (args.out / name).exists()]
     if there and not args.force:
         raise InvalidValueError(

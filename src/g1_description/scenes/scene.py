@@ -12,6 +12,7 @@ import numpy as np
 
 from g1_description.errors import InvalidValueError, SceneError, UnknownNameError
 from g1_description.robot.assembly import MAP, WORLD
+from g1_description.scenes.moveit import apply_message
 from g1_description.scenes.objects import (
     SceneObject,
     attached,
@@ -216,6 +217,24 @@ class Scene(Mapping[str, SceneObject]):
         """
         self.replace(replace(self[name], attachments=()))
 
+    def apply(
+        self, message: Any, frames: Mapping[str, np.ndarray] | None = None
+    ) -> None:
+        """Change the scene as a message of MoveIt says.
+
+        Args:
+            message: A PlanningScene, CollisionObject or AttachedCollisionObject of
+                moveit_msgs.
+            frames: Poses in the map, shape (7,), of the frames that it names besides
+                map and world, such as those of ``Robot.link_poses``.
+
+        Raises:
+            G1DescriptionError: If it is invalid; the scene stays as it was.
+        """
+        changed = dict(self._objects)
+        apply_message(changed, message, frames or {})
+        self._objects = Scene(changed.values())._objects
+
     @staticmethod
     def read(file: str | PathLike[str]) -> Scene:
         """Read a scene: YAML, or an SDF model or world; see docs/scenes.md.
@@ -230,7 +249,11 @@ class Scene(Mapping[str, SceneObject]):
             raise SceneError(f"The scene {file} cannot be used: {error}") from error
 
     def save(self, file: str | PathLike[str]) -> None:
-        """Write a scene: YAML, or an SDF world if the name ends in .sdf or .world.
+        """Write a scene: by default YAML.
+
+        Args:
+            file: An SDF world if the name ends in .sdf or .world; a file for MoveIt,
+                without attachments, if it ends in .scene.
 
         Raises:
             InvalidValueError: If its attachments do not fit into SDF.

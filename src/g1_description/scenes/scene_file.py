@@ -20,6 +20,7 @@ from g1_description.robot.description import Link, Shape
 from g1_description.robot.rotation import axes_to_rpy, to_axes
 from g1_description.robot.transform import IDENTITY, compose
 from g1_description.robot.urdf import parse_urdf
+from g1_description.scenes.moveit import scene_text
 from g1_description.scenes.objects import (
     COLOR,
     SceneObject,
@@ -212,7 +213,9 @@ def write_objects(objects: Collection[SceneObject], file: Path) -> None:
             )
         write_whole(file, sdf_of(objects).encode("utf-8"))
         return
-    write_whole(file, _yaml(objects).encode("utf-8"))
+    is_for_moveit = file.suffix.lower() == ".scene"
+    text = scene_text(objects) if is_for_moveit else _yaml(objects)
+    write_whole(file, text.encode("utf-8"))
 
 
 def _yaml(objects: Collection[SceneObject]) -> str:
