@@ -124,6 +124,24 @@ def test_the_zero_moment_point_is_kept_inside_where_that_is_needed(g1, hands):
         g1.ik({"left_hand": targets["left_hand"][0]}, standing, BASE, balance="zmp")
 
 
+@pytest.mark.parametrize("smooth", [True, False])
+def test_a_foot_that_steps_supports_the_robot_while_it_stands(g1, smooth):
+    standing = g1.named_configuration("stand")
+    times = np.arange(0.0, 5.01, 0.04)
+    shares = np.clip((times - 1.5) / [[0.8], [1.6]], 0.0, 1.0)
+    up, forward = np.minimum(shares[0], 2.0 * (1.0 - shares[1])), shares[1]
+    foot = g1.link_poses(standing, BASE)[g1.profile.links["left_foot"]]
+    foot = np.tile(foot, (len(times), 1))
+    foot[:, 2] += 0.1 * up**2 * (3.0 - 2.0 * up)
+    foot[:, 0] += 0.15 * forward**2 * (3.0 - 2.0 * forward)
+    path = g1.ik_trajectory(
+        times, {"left_foot": foot}, standing, BASE, balance=True, smooth=smooth
+    )
+    assert path.message == ""
+    found = g1.check(path.motion, only=("center_of_mass",))
+    assert found.figures["least_center_margin"] > 0.01
+
+
 @pytest.mark.parametrize("value", [0.0, np.nan, "fast", True])
 def test_a_wrong_bound_is_refused(value):
     with pytest.raises(InvalidValueError, match="base_speed must be a number greater"):

@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from g1_description.checks.support import Corners, support_polygon
 from g1_description.collisions.self_collisions import SelfCollisions
 from g1_description.errors import InvalidValueError, UnknownNameError
 from g1_description.ik.limits import (
@@ -32,6 +31,7 @@ from g1_description.ik.solver import (
     Linearization,
     search,
 )
+from g1_description.ik.supports import found_supports
 from g1_description.ik.targets import (
     FARTHEST,
     POSE_WEIGHTS,
@@ -46,14 +46,8 @@ from g1_description.ik.tasks import LinkTask
 from g1_description.robot.assembly import WORLD, root_in_base
 from g1_description.robot.description import Description
 from g1_description.robot.launch_arguments import FEET
-from g1_description.robot.rotation import rotate
 from g1_description.robot.transform import compose, inverse
-from g1_description.sim.standing import outlines
 from g1_description.text import listed, similar_first
-
-SOLE = 0.01
-"""Height above a link's lowest point, and of the lowest held link, up to which it
-stands on the floor, in [m]."""
 
 BALANCE_MARGIN, BALANCE_SHARE = 0.03, 0.5
 """Least distance of the centre of mass from the edges of the support polygon by
@@ -274,6 +268,7 @@ class InverseKinematics:
         moved: Mapping[str, LinkTask],
         start: Configuration,
         options: IkOptions,
+        times: np.ndarray | None = None,
         is_smooth: bool = False,
     ) -> tuple[dict[str, LinkTask], IkConstraints]:
         """Find all tasks by name, of targets and of fixed links, and the bounds."""
@@ -301,13 +296,15 @@ class InverseKinematics:
                     f"balance='{ZMP}' is for smooth trajectories, as only these have "
                     "accelerations."
                 )
-            support, height = self._support(stays, moved)
+            feet = [task for task in moved.values() if task.link in self._feet]
+            standing = [*stays.values(), *(foot for foot in feet if foot.is_posed)]
+            supports, floors = found_supports(standing, self._shapes, times)
             margin, share = BALANCE_MARGIN, BALANCE_SHARE
             if is_number(options.balance):
                 margin, share = float(options.balance), np.inf
             limits.append(
                 BalanceLimit(
-                    self._solver.masses, support, margin, share, height, is_of_zmp
+                    self._solver.masses, supports, margin, share, floors, is_of_zmp
                 )
             )
         floor = _height(options.floor, start)
@@ -404,34 +401,6 @@ class InverseKinematics:
             axis = own.axis
         return replace(target, point=given[0] if given else None, axis=axis)
 
-    def _support(
-        self, held: Mapping[str, LinkTask], moved: Mapping[str, LinkTask]
-    ) -> tuple[Corners, float]:
-        """Find the polygon of the links that stand on the floor, and its height.
-
-        They are held, or are feet with poses as targets.
-        """
-        posed = [task for task in moved.values() if task.is_posed]
-        points = []
-        for task in (
-            *held.values(),
-            *(task for task in posed if task.link in self._feet),
-        ):
-            outline, radii = outlines(self._shapes[task.link])
-            pose = task.link_pose
-            placed = pose[:3] + rotate(pose[3:], outline)
-            placed[:, 2] -= radii
-            points.append(placed)
-        floor = float(min((placed[:, 2].min() for placed in points), default=0.0))
-        low = [placed[placed[:, 2] < floor + SOLE, :2] for placed in points]
-        corners = support_polygon(np.concatenate(low)) if low else []
-        if len(corners) < 3:
-            raise InvalidValueError(
-                "Balance needs links that stand on the floor: hold them, or give the "
-                "feet of the profile poses as targets."
-            )
-        return corners, floor
-
     def _result(
         self, names: Iterable[str], view: Linearization, steps: int
     ) -> IkResult:
@@ -457,7 +426,7 @@ class InverseKinematics:
         if far and view.is_stuck:
             far.append("the search ended early, as the solver found no further step")
         margins = [
-            limit.margin + float(room.min())
+            float(limit.margins[0] + room.min())
             for limit, (_, room) in zip(view.bounds.limits, view.approaches)
             if isinstance(limit, BalanceLimit)
         ]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Sequence
+from copy import copy
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol, Tuple
 
@@ -100,44 +101,65 @@ class BatchLimit(ABC):
 
 
 class BalanceLimit(BatchLimit):
-    """Keeps the centre of mass above a polygon, a margin from its edges."""
+    """Keeps the centre of mass above polygons, a margin from their edges."""
 
     def __init__(
         self,
         masses: Masses,
-        support: Corners,
+        supports: Sequence[Corners],
         margin: float,
         share: float = np.inf,
-        floor: float = 0.0,
+        floors: Sequence[float] = (0.0,),
         is_of_zmp: bool = False,
     ) -> None:
-        """Prepare a polygon.
+        """Prepare polygons, one for each configuration of a batch, or one for all.
 
         Args:
             masses: Masses of the robot.
-            support: Corners of the polygon, counterclockwise, in the world, in [m].
-            margin: Least distance from its edges, in [m].
-            share: Most of the distance of its middle from its edges that the margin is.
-            floor: Height of the polygon, in [m].
+            supports: Their corners, counterclockwise, in the world, in [m].
+            margin: Least distance from their edges, in [m].
+            share: Most of the distance of a middle from its edges that the margin is.
+            floors: Heights of the polygons, in [m].
             is_of_zmp: Whether the zero-moment point keeps the margin instead.
         """
         subject = "zero-moment point" if is_of_zmp else "centre of mass"
         self._subject, self.is_of_zmp = subject, is_of_zmp
         self.reached = f"the {subject} is at its margin from the edge"
-        self.floor = floor
-        """Height of the polygon, in [m]."""
+        self.floors = np.array(floors)
+        """Heights of the polygons, in [m], shape (n,)."""
         self._masses = masses
-        self._corners = np.array(support)
-        edges = np.roll(self._corners, -1, axis=0) - self._corners
-        normals = np.stack([edges[:, 1], -edges[:, 0]], axis=1)
-        self._normals = normals / np.linalg.norm(normals, axis=1)[:, np.newaxis]
-        middle = self._distances(self._corners.mean(axis=0)).min()
-        self.margin = min(margin, share * float(middle))
-        """Least distance from the edges, in [m]."""
+        most = max(map(len, supports))
+        filled = [[*one, *[one[-1]] * (most - len(one))] for one in supports]
+        self._corners = np.array(filled)
+        edges = np.roll(self._corners, -1, axis=1) - self._corners
+        lengths = np.linalg.norm(edges, axis=-1)
+        normals = np.stack([edges[..., 1], -edges[..., 0]], axis=-1)
+        self._normals = normals / np.maximum(lengths, 1e-9)[..., np.newaxis]
+        self._is_edge = lengths > 0.0
+        middles = np.array([np.mean(one, axis=0) for one in supports])
+        inside = np.where(self._is_edge, self._distances(middles), np.inf).min(axis=1)
+        self.margins = np.minimum(margin, share * inside)
+        """Least distances from the edges, in [m], shape (n,)."""
 
-    def _distances(self, place: np.ndarray) -> np.ndarray:
-        """Return the distances of places from the edges, shape (..., n_edges)."""
-        away = self._corners - place[..., np.newaxis, :]
+    def at(self, rows: np.ndarray) -> BalanceLimit:
+        """Return the limit of some configurations of the batch."""
+        if len(self._corners) == 1:
+            return self
+        found = copy(self)
+        for name in ("floors", "margins", "_corners", "_normals", "_is_edge"):
+            setattr(found, name, getattr(self, name)[rows])
+        return found
+
+    @property
+    def changes(self) -> np.ndarray:
+        """Rows of configurations whose polygon differs from the one before or after."""
+        differs = (np.diff(self._corners, axis=0) != 0.0).any(axis=(1, 2))
+        before = np.flatnonzero(differs)
+        return np.union1d(before, before + 1)
+
+    def _distances(self, places: np.ndarray) -> np.ndarray:
+        """Return the distances of places from the edges, shape (n, n_edges)."""
+        away = self._corners - places[:, np.newaxis]
         return np.asarray((away * self._normals).sum(axis=-1))
 
     def approaches(
@@ -153,15 +175,17 @@ class BalanceLimit(BatchLimit):
         if places is None:
             places = self._masses.robot_center(jacobians.link_poses)[:, :2]
         moves = jacobians.of_center_of_mass(self._masses)[:, :2]
-        rates, room = self._normals @ moves, self._distances(places) - self.margin
-        samples = np.repeat(np.arange(len(room)), room.shape[1])
-        return samples, (rates.reshape(-1, rates.shape[-1]), room.ravel())
+        rates = self._normals @ moves
+        room = self._distances(places) - self.margins[:, np.newaxis]
+        is_edge = np.broadcast_to(self._is_edge, room.shape)
+        return np.nonzero(is_edge)[0], (rates[is_edge], room[is_edge])
 
     def excess_message(self, excess: float) -> str:
         """Describe where it is and must be, for an excess in [m]."""
-        inside = 1e3 * (self.margin - excess)
+        margin = float(self.margins[0])
+        inside = 1e3 * (margin - excess)
         place = f"{abs(inside):.0f} mm {'inside' if inside > 0.0 else 'outside'} of"
-        needed = f", not at least {1e3 * self.margin:.0f} mm inside"
+        needed = f", not at least {1e3 * margin:.0f} mm inside"
         return f"the {self._subject} is {place} what supports the robot{needed}"
 
 

@@ -116,20 +116,17 @@ class PathKinematics(InverseKinematics):
         _check_times(times)
         start = self._configuration(positions, base)
         ways = self._tasks(_at(times, targets), options, start, times)
-        samples = [
-            {name: task.at(row) for name, task in ways.items()}
-            for row in range(len(times))
-        ]
-        tasks, first = self._problem(samples[0], start, options)
-        given, posture = tuple(tasks.values()), start.position
+        tasks, constraints = self._problem(ways, start, options, times)
+        given = [task.at(0) for task in tasks.values()]
+        first, posture = constraints.at(0), start.position
         view, steps = last(search(self._solver, start, given, first, posture))
         results = [self._result(tasks, view, steps)]
-        for moved, duration in zip(samples[1:], np.diff(times)):
-            given = tuple({**tasks, **moved}.values())
+        for row, duration in enumerate(np.diff(times), start=1):
+            given = [task.at(row) for task in tasks.values()]
             now = view.configuration
             reach = SPEED_SHARE * self._speed * duration
             bounds = replace(
-                first,
+                constraints.at(row),
                 lower=np.maximum(self._lower, now.position - reach),
                 upper=np.minimum(self._upper, now.position + reach),
             )
@@ -177,10 +174,8 @@ class PathKinematics(InverseKinematics):
             return self.path(times, targets, positions, base, at_rest)
         start = self._configuration(positions, base)
         moved = _bounded(self._tasks(_at(times, targets), options, start, times))
-        at_first = {name: task.at(0) for name, task in moved.items()}
-        tasks, constraints = self._problem(at_first, start, options, is_smooth=True)
-        whole = [moved.get(name, task) for name, task in tasks.items()]
-        given = times, whole, constraints, start, bounds, self._speed
+        tasks, constraints = self._problem(moved, start, options, times, True)
+        given = times, [*tasks.values()], constraints, start, bounds, self._speed
         search_ = Trajectory(self._solver, Problem(*given))
         found = search_.solve()
         views = search_.linearizations(found)
@@ -233,10 +228,11 @@ class PathKinematics(InverseKinematics):
 def _excesses(times: np.ndarray, views: Sequence[Linearization]) -> str:
     """Say which limits are exceeded, by how much at most, and when."""
     texts = []
-    for number, limit in enumerate(views[0].bounds.limits):
+    for number in range(len(views[0].bounds.limits)):
         excesses = [view.excesses[number] for view in views]
         row = int(np.argmax(excesses))
         if excesses[row] > TOLERANCE[0]:
+            limit = views[row].bounds.limits[number]
             message = limit.excess_message(excesses[row])
             texts.append(f" At {times[row]:.2f} s {message}.")
     return "".join(texts)

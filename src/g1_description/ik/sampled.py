@@ -139,8 +139,10 @@ class SampledSplines:
         placed = view.roots[rows], view.columns[rows, 6:]
         some = Jacobians(self._solver.kinematics, *placed)
         weights = self.weights
+        if isinstance(limit, BalanceLimit):
+            limit = limit.at(rows)
         if isinstance(limit, BalanceLimit) and limit.is_of_zmp:
-            points, levers = self._zero_moment_points(view, rows, limit.floor)
+            points, levers = self._zero_moment_points(view, rows, limit.floors)
             samples, (rates, room) = limit.approaches(some, points)
             lever = sparse.diags(np.bincount(rows, levers, weights.shape[0]))
             weights = (weights - lever @ self._rates[1]).tocsr()
@@ -157,9 +159,9 @@ class SampledSplines:
         return Approached(rows, rates, room, weights)
 
     def _zero_moment_points(
-        self, view: SampledView, rows: np.ndarray, floor: float
+        self, view: SampledView, rows: np.ndarray, floors: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Compute the zero-moment points on a floor of a height in [m].
+        """Compute the zero-moment points on floors of heights in [m].
 
         Returns:
             In the world, in [m], shape (n, 2), and how far they are moved by an
@@ -182,8 +184,8 @@ class SampledSplines:
         force, moment = np.split(found.root_wrench, 2, axis=1)
         upward = np.maximum(force[:, 2:], 1e-3 * GRAVITY * self._solver.masses.total)
         places = np.stack([-moment[:, 1], moment[:, 0]], axis=1)
-        places = (places + floor * force[:, :2]) / upward
-        return places, (found.center_of_mass[:, 2] - floor) / GRAVITY
+        places = (places + floors[:, np.newaxis] * force[:, :2]) / upward
+        return places, (found.center_of_mass[:, 2] - floors) / GRAVITY
 
     def in_columns(self, rates: np.ndarray, columns: np.ndarray) -> np.ndarray:
         """Turn rates by the root's twist, shape (n, m, n_columns), into ours."""

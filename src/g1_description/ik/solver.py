@@ -19,7 +19,7 @@ from typing import NamedTuple, Tuple, TypeVar
 import daqp
 import numpy as np
 
-from g1_description.ik.limits import Approach, Limit, checked_approach
+from g1_description.ik.limits import Approach, BalanceLimit, Limit, checked_approach
 from g1_description.ik.tasks import (
     LinkTask,
     displaced,
@@ -98,6 +98,14 @@ class IkConstraints:
 
     limits: Sequence[Limit]
     """Distances to keep, such as that of the centre of mass from an edge."""
+
+    def at(self, row: int) -> IkConstraints:
+        """Return the constraints on one configuration of a batch."""
+        limits = [
+            one.at(np.array([row])) if isinstance(one, BalanceLimit) else one
+            for one in self.limits
+        ]
+        return replace(self, limits=limits)
 
 
 @dataclass(frozen=True, eq=False)

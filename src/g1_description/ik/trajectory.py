@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from g1_description.ik.limits import BalanceLimit
 from g1_description.ik.sampled import PERIOD, Problem, SampledSplines, SampledView
 from g1_description.ik.solver import (
     HARD,
@@ -115,7 +116,13 @@ class Trajectory:
         self._splines = SampledSplines(solver, problem)
         self._share = self._splines.count / len(problem.times)
         self._weights = weights_of(problem.tasks)
-        self._limited = self._splines.rows(PERIOD)
+        changes = [
+            limit.changes
+            for limit in problem.constraints.limits
+            if isinstance(limit, BalanceLimit)
+        ]
+        rows = [self._splines.rows(PERIOD), *changes]
+        self._limited = np.unique(np.concatenate(rows))
         start = problem.start
         self._posture = np.concatenate([start.root[:3], np.zeros(3), start.position])
         self._bounds = self._make_bounds()
@@ -145,7 +152,7 @@ class Trajectory:
 
         Of the others that is improved which promises most.
         """
-        start, given = self._problem.start, self._problem.constraints
+        start, given = self._problem.start, self._problem.constraints.at(0)
         tasks = [task.at(0) for task in self._problem.tasks]
         first, _ = last(search(self._solver, start, tasks, given, start.position))
         best = self.improved(self._state(self.guess(first.configuration)))
@@ -189,7 +196,7 @@ class Trajectory:
         for row, duration in zip(rows[1:], np.diff(problem.times[rows])):
             reach = self._fastest[6:] * duration
             bounds = replace(
-                problem.constraints,
+                problem.constraints.at(row),
                 lower=np.maximum(problem.constraints.lower, now.position - reach),
                 upper=np.minimum(problem.constraints.upper, now.position + reach),
             )
@@ -303,7 +310,7 @@ class Trajectory:
             Linearization(
                 Configuration(view.roots[row], positions[row]),
                 [task.at(row) for task in self._problem.tasks],
-                given,
+                given.at(row),
                 view.jacobians,
                 view.points[row],
                 view.displacements[row],
