@@ -517,7 +517,8 @@ class Robot:
                 the map, shape (7,). Positions are clipped to the limits. Without a
                 base, a robot with feet stands upright on the floor, z = 0, its first
                 fixed link at the place and heading of the keyframe before.
-            times: In [s], increasing, in multiples of 0.02 s, shape (n_keyframes,).
+            times: In [s], increasing, shape (n_keyframes,); rounded to multiples of
+                0.02 s after the first one.
             fixed_links: Names or roles of the links that stay in between if they are in
                 one place in two successive keyframes, within 1 mm and 0.5 degrees;
                 None: the profile's feet.

@@ -155,11 +155,16 @@ def test_invalid_keyframes_are_refused(g1, times, problem):
 def test_keyframes_beyond_limits_and_joints_without_speeds_make_no_endless_motion(g1):
     stand = g1.named_configuration("stand")
     beyond = stand.copy()
-    beyond[3] = g1.upper[3] + 0.5
+    beyond[[4, 10]] = g1.upper[[4, 10]] + 0.5  # ankles
     frames = [Keyframe(0.0, stand, BASE), Keyframe(1.0, beyond, BASE)]
     made = through(g1, frames)
     assert made.times == (0.0, 1.0)
-    assert made.motion.positions[-1, 3] == pytest.approx(g1.upper[3])
+    assert made.motion.positions[-1, 4] == pytest.approx(g1.upper[4])
+    given, within = (
+        g1.keyframes([q, q], [0, 1]).motion
+        for q in (beyond, np.minimum(beyond, g1.upper))
+    )
+    np.testing.assert_allclose(given.base, within.base, atol=1e-12)
     still = Robot(SLIDER.replace('velocity="0.5"', 'velocity="0"'))
     ends = [Keyframe(t, np.array([t]), BASE) for t in (0.0, 1.0)]
     made = through(still, ends, feet=())

@@ -173,7 +173,7 @@ def keyframes_at(
 
 
 def _placed(robot: Description, entry: Any) -> tuple[np.ndarray, np.ndarray | None]:
-    """Read positions and base of an entry; None: it has no base."""
+    """Read positions within limits, and the base of an entry; None: it has none."""
     base = None
     if hasattr(entry, "positions") and hasattr(entry, "base"):
         entry, base = entry.positions, entry.base
@@ -189,12 +189,15 @@ def _placed(robot: Description, entry: Any) -> tuple[np.ndarray, np.ndarray | No
         if base is None:
             base = pose.keyframe.get("base")
         entry = pose_positions(pose, robot)
-    names = [joint.name for joint in robot.movable_joints]
+    joints = robot.movable_joints
+    names = [joint.name for joint in joints]
     positions = as_array(entry, names, pose_positions(Pose(ZERO), robot))
     if positions.ndim != 1:
         raise InvalidValueError(
             f"Positions must be a single configuration (got shape {positions.shape})."
         )
+    lower, upper = [joint.lower for joint in joints], [joint.upper for joint in joints]
+    positions = np.clip(positions, lower, upper)
     return positions, None if base is None else one_pose(base)
 
 
