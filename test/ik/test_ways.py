@@ -54,6 +54,10 @@ def test_ways_keep_to_speeds_and_go_where_they_should(seed, speed, acceleration,
     assert angles.max() <= 1.0 + 1e-9
     tangent = np.diff(np.linalg.norm(rates, axis=1)) / steps[1:]
     assert np.abs(tangent).max() <= acceleration * (1.0 + 1e-6)
+    along = unit(rates[1:] + rates[:-1])
+    changes = np.diff(rates, axis=0) / steps[1:, np.newaxis]
+    across = changes - np.sum(along * changes, axis=1, keepdims=True) * along
+    assert np.linalg.norm(across, axis=1).max() <= acceleration * (1.0 + 1e-3)
     assert np.abs(np.diff(angles)).max() <= acceleration * steps[0] * (1.0 + 1e-6)
     for row, given_pose in ((0, start), (-1, end)):
         np.testing.assert_allclose(way[row, :3], given_pose[:3], atol=1e-9)

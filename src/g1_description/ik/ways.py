@@ -59,7 +59,8 @@ def line(
     begin, goal = _places(start=start, end=end)
     length = float(np.linalg.norm(goal[:3] - begin[:3]))
     turned = _turned(begin, goal)
-    times, shares = _timed(length, turned, speed, turn_speed, acceleration, period)
+    options = speed, turn_speed, acceleration, period
+    times, shares = _timed(length, 0.0, turned, *options)
     places = begin[:3] + shares[:, np.newaxis] * (goal[:3] - begin[:3])
     return times, _with_rotations(begin, goal, places, shares)
 
@@ -80,10 +81,10 @@ def arc(
         start: As for ``line``.
         middle: Position x y z on the way, in [m], shape (3,).
         end: As for ``line``.
-        speed: As for ``line``, like all that follow.
-        turn_speed: Likewise.
-        acceleration: Likewise.
-        period: Likewise.
+        speed: As for ``line``.
+        turn_speed: As for ``line``.
+        acceleration: Along the way, as for ``line``, and towards the centre.
+        period: As for ``line``.
 
     Returns:
         As for ``line``.
@@ -103,7 +104,8 @@ def arc(
     axis, first, last = normal / area, begin[:3] - center, goal[:3] - center
     angle = float(np.arctan2(axis @ cross(first, last), first @ last)) % (2.0 * np.pi)
     length, turned = angle * float(np.linalg.norm(first)), _turned(begin, goal)
-    times, shares = _timed(length, turned, speed, turn_speed, acceleration, period)
+    options = speed, turn_speed, acceleration, period
+    times, shares = _timed(length, angle, turned, *options)
     places = center + rotate(from_axis_angle(axis, angle * shares), first)
     return times, _with_rotations(begin, goal, places, shares)
 
@@ -126,10 +128,10 @@ def turn(
         center: A position on the axis, x y z in [m], shape (3,).
         axis: Vector along it, shape (3,).
         angle: Counterclockwise about it, in [rad].
-        speed: As for ``line``, like all that follow.
-        turn_speed: Likewise.
-        acceleration: Likewise.
-        period: Likewise.
+        speed: As for ``line``.
+        turn_speed: As for ``line``.
+        acceleration: Along the way, as for ``line``, and towards the centre.
+        period: As for ``line``.
 
     Returns:
         As for ``line``.
@@ -147,7 +149,8 @@ def turn(
     out, around = begin[:3] - middle, along / long
     length = abs(angle) * float(np.linalg.norm(cross(around, out)))
     turned = abs(angle) if len(begin) == 7 else 0.0
-    times, shares = _timed(length, turned, speed, turn_speed, acceleration, period)
+    options = speed, turn_speed, acceleration, period
+    times, shares = _timed(length, abs(angle), turned, *options)
     turns = from_axis_angle(around, angle * shares)
     places = middle + rotate(turns, out)
     if len(begin) == 3:
@@ -179,13 +182,17 @@ def _vector(name: str, given: Any) -> np.ndarray:
 
 def _timed(
     length: float,
+    angle: float,
     turned: float,
     speed: float,
     turn_speed: float,
     acceleration: float,
     period: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Find the times of samples, and the shares of the way until then, shape (n,)."""
+    """Find the times of samples, and the shares of the way until then, shape (n,).
+
+    The way is an arc of an angle; 0: a line.
+    """
     if length > FARTHEST:
         raise InvalidValueError(
             f"The way is {length:.3g} m long: places are in m, at most {FARTHEST:g} m "
@@ -206,6 +213,7 @@ def _timed(
         TOP_SPEED * length / speed,
         TOP_SPEED * turned / turn_speed,
         np.sqrt(TOP_ACCELERATION * max(length, turned) / acceleration),
+        TOP_SPEED * np.sqrt(length * angle / acceleration),
     )
     fractions = np.linspace(0.0, 1.0, int(np.ceil(duration / period)) + 1)
     return duration * fractions, minimum_jerk_fraction(fractions)
