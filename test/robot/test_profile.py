@@ -116,13 +116,14 @@ def test_a_profile_elsewhere_is_that_of_the_robot_it_names(tmp_path, home):
     )
     text = (
         "model: r.urdf.xacro root=trunk\nlinks: {left_foot: trunk, head: nose}\n"
-        "points: {tip: {link: nose, point: [0, 0, 0]}}\n"
+        "points: {tip: {link: nose, point: [0, 0, 0]}, trunk: {link: trunk, point: "
+        "[0, 0, 1]}, left_foot: {link: trunk, point: [0, 0, 1]}}\n"
     )
     (tmp_path / "it" / "robot.yaml").write_text(text)
     robot = Robot(tmp_path / "it")
     assert robot.link_names == ("trunk",)
     assert robot.profile.links == {"left_foot": "trunk"}
-    assert robot.profile.points == {}
+    assert robot.profile.points == {}  # of no link, and with names of links
     assert robot.profile.missing_links == {"head": "nose"}
     told = figures(lump_fixed_joints(robot.description, is_dynamic=False), "hold")
     assert told.endswith(", whose links head: nose the robot does not have")

@@ -131,11 +131,13 @@ class IkOptions:
                 "avoid_collisions must be True or False (got "
                 f"{str(self.avoid_collisions)[:80]})."
             )
-        is_list = isinstance(self.limits, Sequence)
-        if not (is_list and all(hasattr(one, "approach") for one in self.limits)):
+        methods = "approach", "excess_message"
+        if not isinstance(self.limits, Sequence) or not all(
+            hasattr(limit, method) for limit in self.limits for method in methods
+        ):
             raise InvalidValueError(
-                "limits must be a list of objects with the methods approach and "
-                f"excess_message (got {str(self.limits)[:80]})."
+                f"limits must be a list of objects with the methods {listed(methods)} "
+                f"(got {str(self.limits)[:80]})."
             )
 
 
@@ -194,7 +196,7 @@ class InverseKinematics:
         self._shapes = [link for link in description.links if link.name != WORLD]
         self.links = [link.name for link in self._shapes]
         self._T_base_root = root_in_base(description)
-        profile = description.given_profile or description.profile
+        profile = description.profile
         self._roles = {r: n for r, n in profile.links.items() if n in self.links}
         feet = [self._roles[role] for role in FEET if role in self._roles]
         self._points = {
@@ -390,7 +392,7 @@ class InverseKinematics:
 
     def _completed(self, name: str, target: Target, point: Any) -> Target:
         """Give a target the point of an option, or a named point with its axis."""
-        own = None if name in self.links else self._points.get(name)
+        own = self._points.get(name)
         points = [target.point, point, None if own is None else own.point]
         given = [each for each in points if each is not None]
         if len(given) > 1:

@@ -279,8 +279,8 @@ def _read(form: str, name: str, given: Any, times: np.ndarray | None) -> np.ndar
         numbers = numbers / lengths
     elif form == "point" and np.abs(numbers).max() > FARTHEST_POINT:
         raise InvalidValueError(
-            f"{label} is {np.abs(numbers).max():.3g} m from its origin: points are in "
-            f"m, at most {FARTHEST_POINT:g} m away."
+            f"{label} is {np.abs(numbers).max():.3g} m from the link's origin along an "
+            f"axis: points are in m, at most {FARTHEST_POINT:g} m away."
         )
     return np.broadcast_to(numbers, (*samples, width))
 

@@ -172,6 +172,8 @@ class Description:
     def profile(self) -> Profile:
         """Profile of the robot, without links that it lacks.
 
+        Nor has it points with names of links or roles, which prevail.
+
         Raises:
             ProfileError: If a profile cannot be read.
         """
@@ -180,7 +182,11 @@ class Description:
         own = {*self.link_names}
         links = {role: link for role, link in found.links.items() if link in own}
         missing = {role: link for role, link in found.links.items() if link not in own}
-        points = {name: at for name, at in found.points.items() if at.link in own}
+        points = {
+            name: at
+            for name, at in found.points.items()
+            if at.link in own and name not in {*own, *links}
+        }
         missing = {**found.missing_links, **missing}
         return replace(found, links=links, points=points, missing_links=missing)
 
