@@ -75,6 +75,7 @@ if TYPE_CHECKING:
     from g1_description.ik.limits import Limit, TrajectoryBounds
     from g1_description.ik.paths import IkPath, PathKinematics
     from g1_description.msg import RobotTrajectory
+    from g1_description.scenes.scene import Scene
 
 _IK_ARGUMENTS = {"hold": "fixed_links", "collisions": "avoid_collisions"}
 """New names of arguments by former ones."""
@@ -347,6 +348,7 @@ class Robot:
         weights: Mapping[str, float] | None = None,
         points: Mapping[str, Any] | None = None,
         limits: Sequence[Limit] = (),
+        scene: Scene | None = None,
     ) -> IkResult:
         """Search a configuration in which links are where they should be.
 
@@ -382,6 +384,8 @@ class Robot:
                 fingertips, x y z in the frame of the link in [m]; by default its
                 origin.
             limits: Limits of your own; see ``ik.limits.Limit``.
+            scene: Objects from which links that move keep 2 mm apart, but for what may
+                touch them; feet and objects that are carried at 0 s only stay outside.
 
         Returns:
             The configuration. If not all can be reached it is the nearest one found,
@@ -403,6 +407,7 @@ class Robot:
             weights=weights,
             points=points,
             limits=limits,
+            scene=scene,
         )
         begin, pose = self._start(start, base)
         return self._inverse.solve(targets, begin, pose, options)
@@ -422,6 +427,7 @@ class Robot:
         weights: Mapping[str, float] | None = None,
         points: Mapping[str, Any] | None = None,
         limits: Sequence[Limit] = (),
+        scene: Scene | None = None,
         bounds: TrajectoryBounds | None = None,
         smooth: bool = True,
     ) -> IkPath:
@@ -447,6 +453,7 @@ class Robot:
             weights: Likewise.
             points: Likewise.
             limits: Likewise.
+            scene: As for ``ik``; objects are carried while they are attached.
             bounds: Largest velocities and accelerations; None: the defaults of
                 ``TrajectoryBounds``.
             smooth: False: each sample is as near to its targets as it gets from the one
@@ -474,6 +481,7 @@ class Robot:
             weights=weights,
             points=points,
             limits=limits,
+            scene=scene,
         )
         begin, pose = self._start(start, base)
         given = as_numbers(times, "time"), targets, begin, pose, options

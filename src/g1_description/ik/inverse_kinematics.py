@@ -15,12 +15,14 @@ from g1_description.collisions.self_collisions import SelfCollisions
 from g1_description.errors import InvalidValueError, UnknownNameError
 from g1_description.ik.limits import (
     BalanceLimit,
+    Course,
     DistanceLimit,
     FloorLimit,
     Limit,
     LinkPart,
     link_parts,
 )
+from g1_description.ik.obstacle_limit import ObstacleLimit, Surroundings
 from g1_description.ik.solver import (
     HARD,
     STARTS,
@@ -47,6 +49,7 @@ from g1_description.robot.assembly import WORLD, root_in_base
 from g1_description.robot.description import Description
 from g1_description.robot.launch_arguments import FEET
 from g1_description.robot.transform import compose, inverse
+from g1_description.scenes.scene import Scene
 from g1_description.text import listed, similar_first
 
 BALANCE_MARGIN, BALANCE_SHARE = 0.03, 0.5
@@ -112,6 +115,9 @@ class IkOptions:
     limits: Sequence[Limit] = ()
     """Further limits; see ``ik.limits.Limit``."""
 
+    scene: Scene | None = None
+    """Objects from which links keep away."""
+
     def __post_init__(self) -> None:
         """Refuse values that mean something else than they say.
 
@@ -130,6 +136,11 @@ class IkOptions:
             raise InvalidValueError(
                 "avoid_collisions must be True or False (got "
                 f"{str(self.avoid_collisions)[:80]})."
+            )
+        if not isinstance(self.scene, (Scene, type(None))):
+            raise InvalidValueError(
+                f"scene must be a Scene or None (got {str(self.scene)[:80]}): read a "
+                "file with Scene.read."
             )
         methods = "approach", "excess_message"
         if not isinstance(self.limits, Sequence) or not all(
@@ -203,6 +214,7 @@ class InverseKinematics:
             n: at for n, at in profile.points.items() if at.link in self.links
         }
         self._feet = {self.links.index(link) for link in feet}
+        self._last: Surroundings | None = None
 
     def solve(
         self,
@@ -259,6 +271,7 @@ class InverseKinematics:
         start = self._configuration(positions, base)
         moved = self._tasks(targets, options, start)
         tasks, bounds = self._problem(moved, start, options)
+        bounds = bounds.at(0, self._course(np.zeros(1), start))
         first = start if begin is None else self._configuration(*begin)
         given = tuple(tasks.values()), bounds, start.position
         steps = search(self._solver, first, *given, starts)
@@ -290,6 +303,7 @@ class InverseKinematics:
             )
         if self._description.root == WORLD:
             base_motion = "fixed"
+        around = self.surroundings(options.scene) if options.scene else None
         limits: list[Limit] = []
         if options.balance:
             is_of_zmp = options.balance == ZMP
@@ -300,7 +314,8 @@ class InverseKinematics:
                 )
             feet = [task for task in moved.values() if task.link in self._feet]
             standing = [*stays.values(), *(foot for foot in feet if foot.is_posed)]
-            supports, floors = found_supports(standing, self._shapes, times)
+            raised = around.stood_on(standing, poses) if around and standing else {}
+            supports, floors = found_supports(standing, self._shapes, times, raised)
             margin, share = BALANCE_MARGIN, BALANCE_SHARE
             if is_number(options.balance):
                 margin, share = float(options.balance), np.inf
@@ -314,6 +329,9 @@ class InverseKinematics:
             limits.append(FloorLimit(self._parts, floor, held.values()))
         if options.avoid_collisions:
             limits.append(self._distance_limit)
+        if around:
+            given = np.zeros(1) if times is None else times
+            limits.append(ObstacleLimit(around, given, held.values(), self._feet))
         base_freedom = BASES[base_motion]
         bounds = IkConstraints(
             self._lower, self._upper, base_freedom, [*limits, *options.limits]
@@ -328,6 +346,17 @@ class InverseKinematics:
     def _distance_limit(self) -> DistanceLimit:
         assert self._make_collisions is not None
         return DistanceLimit(self._description, self._make_collisions(), DISTANCE)
+
+    def surroundings(self, scene: Scene) -> Surroundings:
+        """Prepare the shapes of objects, unless they are those of the last call."""
+        if self._last is None or not self._last.is_for(scene):
+            self._last = Surroundings(self._description, scene)
+        return self._last.moved(scene)
+
+    def _course(self, times: np.ndarray, start: Configuration) -> Course:
+        """Return the course of a motion that does not move."""
+        poses = self._solver.kinematics.link_poses(*start)
+        return Course(times, poses[np.newaxis])
 
     def _configuration(self, positions: np.ndarray, base: np.ndarray) -> Configuration:
         """Place the root, and joints within their limits."""
@@ -403,6 +432,19 @@ class InverseKinematics:
             axis = own.axis
         return replace(target, point=given[0] if given else None, axis=axis)
 
+    def _excess(self, view: Linearization, number: int) -> str:
+        """Describe that a limit is exceeded; empty if it is not."""
+        limit, excess = view.bounds.limits[number], view.excesses[number]
+        if excess <= TOLERANCE[0]:
+            return ""
+        return next(self._at_objects(limit, view), limit.excess_message(excess))
+
+    def _at_objects(self, limit: Limit, view: Linearization) -> Iterator[str]:
+        """Describe what is at objects, the deepest first."""
+        if isinstance(limit, ObstacleLimit):
+            poses = self._solver.kinematics.link_poses(*view.configuration)
+            yield from limit.contacts_at(poses)
+
     def _result(
         self, names: Iterable[str], view: Linearization, steps: int
     ) -> IkResult:
@@ -420,11 +462,11 @@ class InverseKinematics:
             for name, error in errors.items()
             if (np.array([part or 0.0 for part in error]) > TOLERANCE).any()
         ]
-        far += [
-            limit.excess_message(excess)
-            for limit, excess in zip(view.bounds.limits, view.excesses)
-            if excess > TOLERANCE[0]
-        ]
+        numbers = range(len(view.bounds.limits))
+        far += filter(None, (self._excess(view, number) for number in numbers))
+        if far:
+            near = [self._at_objects(limit, view) for limit in view.bounds.limits]
+            far += [text for texts in near for text in texts if text not in far]
         if far and view.is_stuck:
             far.append("the search ended early, as the solver found no further step")
         margins = [

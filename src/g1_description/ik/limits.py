@@ -75,11 +75,28 @@ def limit_name(limit: Limit) -> str:
     return getattr(limit, "reached", f"{type(limit).__name__} is reached")
 
 
+class Course(NamedTuple):
+    """The course of a motion, as far as it is known."""
+
+    times: np.ndarray
+    """In [s], increasing, shape (n,)."""
+
+    link_poses: np.ndarray
+    """Poses of all links in the world, shape (n, n_links, 7)."""
+
+
 class BatchLimit(ABC):
     """A limit that is linearized at many configurations at once."""
 
     reached: str
     """Describes that it is reached."""
+
+    changes = np.zeros(0, dtype=int)
+    """Rows of configurations that need attention, as much changes there."""
+
+    def at(self, rows: np.ndarray, course: Course) -> BatchLimit:
+        """Return the limit of some configurations of a motion."""
+        return self
 
     @abstractmethod
     def approaches(self, jacobians: Jacobians) -> SampledApproach:
@@ -141,7 +158,7 @@ class BalanceLimit(BatchLimit):
         self.margins = np.minimum(margin, share * inside)
         """Least distances from the edges, in [m], shape (n,)."""
 
-    def at(self, rows: np.ndarray) -> BalanceLimit:
+    def at(self, rows: np.ndarray, course: Course) -> BalanceLimit:
         """Return the limit of some configurations of the batch."""
         if len(self._corners) == 1:
             return self
@@ -151,7 +168,7 @@ class BalanceLimit(BatchLimit):
         return found
 
     @property
-    def changes(self) -> np.ndarray:
+    def changes(self) -> np.ndarray:  # type: ignore[override]
         """Rows of configurations whose polygon differs from the one before or after."""
         differs = (np.diff(self._corners, axis=0) != 0.0).any(axis=(1, 2))
         before = np.flatnonzero(differs)

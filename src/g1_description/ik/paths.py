@@ -15,7 +15,7 @@ from g1_description.ik.inverse_kinematics import (
     IkResult,
     InverseKinematics,
 )
-from g1_description.ik.limits import TrajectoryBounds, limit_name
+from g1_description.ik.limits import Course, TrajectoryBounds, limit_name
 from g1_description.ik.sampled import Problem
 from g1_description.ik.solver import TOLERANCE, Linearization, descend, last, search
 from g1_description.ik.tasks import LinkTask
@@ -118,21 +118,23 @@ class PathKinematics(InverseKinematics):
         ways = self._tasks(_at(times, targets), options, start, times)
         tasks, constraints = self._problem(ways, start, options, times)
         given = [task.at(0) for task in tasks.values()]
-        first, posture = constraints.at(0), start.position
+        course = self._course(times[:1], start)
+        first, posture = constraints.at(0, course), start.position
         view, steps = last(search(self._solver, start, given, first, posture))
-        results = [self._result(tasks, view, steps)]
+        results, links = [self._result(tasks, view, steps)], [view.jacobians.link_poses]
         for row, duration in enumerate(np.diff(times), start=1):
             given = [task.at(row) for task in tasks.values()]
             now = view.configuration
             reach = SPEED_SHARE * self._speed * duration
             bounds = replace(
-                constraints.at(row),
+                constraints.at(row, Course(times[:row], np.array(links))),
                 lower=np.maximum(self._lower, now.position - reach),
                 upper=np.minimum(self._upper, now.position + reach),
             )
             first_view = self._solver.view(now, given, bounds)
             view, steps = last(descend(self._solver, first_view, posture, PATH_STEPS))
             results.append(self._result(tasks, view, steps))
+            links.append(view.jacobians.link_poses)
         return IkPath(self._motion(times, results), tuple(results))
 
     def trajectory(
@@ -187,7 +189,7 @@ class PathKinematics(InverseKinematics):
                 missed, key=lambda row: views[row].errors[:, 0].max(initial=0)
             )
             reason = self._reason(search_, found, views, largest)
-            reason += _excesses(times, views)
+            reason += self._excesses(times, views)
         return IkPath(self._motion(times, results), tuple(results), reason)
 
     def _reason(
@@ -204,16 +206,25 @@ class PathKinematics(InverseKinematics):
             for order, column in search_.at_bounds(found, row)
         ]
         view = views[row]
-        phrases += [
-            limit_name(limit)
-            for limit, (_, room) in zip(view.bounds.limits, view.approaches)
-            if room.min(initial=np.inf) < TOLERANCE[0]
-        ]
+        for limit, (_, room) in zip(view.bounds.limits, view.approaches):
+            if room.min(initial=np.inf) < TOLERANCE[0]:
+                near = [*self._at_objects(limit, view)]
+                phrases += near or [limit_name(limit)]
         if not phrases:
             return (
                 "No limit is reached there: it is out of reach, or changes too quickly."
             )
         return f"There {listed([*dict.fromkeys(phrases)][:MAX_REASONS])}."
+
+    def _excesses(self, times: np.ndarray, views: Sequence[Linearization]) -> str:
+        """Say which limits are exceeded, by how much at most, and when."""
+        texts = []
+        for number in range(len(views[0].bounds.limits)):
+            row = int(np.argmax([view.excesses[number] for view in views]))
+            message = self._excess(views[row], number)
+            if message:
+                texts.append(f" At {times[row]:.2f} s {message}.")
+        return "".join(texts)
 
     def _motion(self, times: np.ndarray, results: Sequence[IkResult]) -> Motion:
         """Return the motion of results."""
@@ -223,19 +234,6 @@ class PathKinematics(InverseKinematics):
             np.array([result.positions for result in results]),
             base_poses=np.array([result.base for result in results]),
         )
-
-
-def _excesses(times: np.ndarray, views: Sequence[Linearization]) -> str:
-    """Say which limits are exceeded, by how much at most, and when."""
-    texts = []
-    for number in range(len(views[0].bounds.limits)):
-        excesses = [view.excesses[number] for view in views]
-        row = int(np.argmax(excesses))
-        if excesses[row] > TOLERANCE[0]:
-            limit = views[row].bounds.limits[number]
-            message = limit.excess_message(excesses[row])
-            texts.append(f" At {times[row]:.2f} s {message}.")
-    return "".join(texts)
 
 
 def _bounded(tasks: Mapping[str, LinkTask]) -> dict[str, LinkTask]:

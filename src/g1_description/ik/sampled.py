@@ -12,6 +12,7 @@ from scipy import sparse
 from g1_description.ik.limits import (
     BalanceLimit,
     BatchLimit,
+    Course,
     Limit,
     TrajectoryBounds,
     checked_approach,
@@ -134,13 +135,17 @@ class SampledSplines:
         points, displacements = displaced(self._problem.tasks, jacobians)
         return SampledView(control, columns, roots, jacobians, points, displacements)
 
+    def course(self, view: SampledView) -> Course:
+        """Return where links are in a trajectory."""
+        return Course(self._problem.times, view.jacobians.link_poses)
+
     def approach(self, limit: Limit, view: SampledView, rows: np.ndarray) -> Approached:
         """Linearize a limit at samples given by their rows."""
         placed = view.roots[rows], view.columns[rows, 6:]
         some = Jacobians(self._solver.kinematics, *placed)
         weights = self.weights
-        if isinstance(limit, BalanceLimit):
-            limit = limit.at(rows)
+        if isinstance(limit, BatchLimit):
+            limit = limit.at(rows, self.course(view))
         if isinstance(limit, BalanceLimit) and limit.is_of_zmp:
             points, levers = self._zero_moment_points(view, rows, limit.floors)
             samples, (rates, room) = limit.approaches(some, points)

@@ -19,7 +19,13 @@ from typing import NamedTuple, Tuple, TypeVar
 import daqp
 import numpy as np
 
-from g1_description.ik.limits import Approach, BalanceLimit, Limit, checked_approach
+from g1_description.ik.limits import (
+    Approach,
+    BatchLimit,
+    Course,
+    Limit,
+    checked_approach,
+)
 from g1_description.ik.tasks import (
     LinkTask,
     displaced,
@@ -99,10 +105,10 @@ class IkConstraints:
     limits: Sequence[Limit]
     """Distances to keep, such as that of the centre of mass from an edge."""
 
-    def at(self, row: int) -> IkConstraints:
-        """Return the constraints on one configuration of a batch."""
+    def at(self, row: int, course: Course) -> IkConstraints:
+        """Return the constraints on one configuration of a motion."""
         limits = [
-            one.at(np.array([row])) if isinstance(one, BalanceLimit) else one
+            one.at(np.array([row]), course) if isinstance(one, BatchLimit) else one
             for one in self.limits
         ]
         return replace(self, limits=limits)

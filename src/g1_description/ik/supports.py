@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -21,7 +21,10 @@ REST = 0.01
 
 
 def found_supports(
-    tasks: Sequence[LinkTask], links: Sequence[Link], times: np.ndarray | None
+    tasks: Sequence[LinkTask],
+    links: Sequence[Link],
+    times: np.ndarray | None,
+    raised: Mapping[int, np.ndarray],
 ) -> tuple[list[Corners], list[float]]:
     """Find the polygons of the points of links that are at rest on the floor.
 
@@ -31,6 +34,8 @@ def found_supports(
         tasks: Poses of links that may stand.
         links: All links, by their rows.
         times: Times of the samples in [s], shape (n_samples,); None: there is only one.
+        raised: Whether links stand on something higher than the floor, shape (n,), by
+            their rows.
 
     Returns:
         The polygons and their heights in [m], of each sample or, without links that
@@ -40,17 +45,25 @@ def found_supports(
         InvalidValueError: If nothing stands.
     """
     parts = [np.zeros((1, 0, 3))]
+    soles = [np.zeros((1, 0))]
     for task in tasks:
         outline, radii = outlines(links[task.link])
         poses = task.link_pose.reshape(-1, 1, 7)
         placed = poses[..., :3] + rotate(poses[..., 3:], outline)
         placed[..., 2] -= radii
         parts.append(placed)
-    count = max(map(len, parts))
-    same = [np.broadcast_to(part, (count, *part.shape[1:])) for part in parts]
-    points = np.concatenate(same, axis=1)
+        lowest = placed[..., 2].min(axis=1)
+        sole = np.where(raised.get(task.link, False), lowest, -np.inf)
+        soles.append(np.repeat(sole[:, np.newaxis], len(outline), axis=1))
+    count = max(map(len, soles))
+    points, heights = (
+        np.concatenate(
+            [np.broadcast_to(part, (count, *part.shape[1:])) for part in some], axis=1
+        )
+        for some in (parts, soles)
+    )
     floors = points[..., 2].min(axis=1, initial=np.inf)
-    rests = is_low = points[..., 2] < floors[:, np.newaxis] + SOLE
+    rests = is_low = points[..., 2] < np.maximum(floors[:, np.newaxis], heights) + SOLE
     if times is not None and count > 1:
         speeds = np.linalg.norm(np.gradient(points, times, axis=0), axis=-1)
         rests = is_low & (speeds < REST)

@@ -8,14 +8,14 @@ Wright, Numerical Optimization, 2006, chapters 10 and 18.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from operator import attrgetter
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from g1_description.ik.limits import BalanceLimit
+from g1_description.ik.limits import BatchLimit, Course
 from g1_description.ik.sampled import PERIOD, Problem, SampledSplines, SampledView
 from g1_description.ik.solver import (
     HARD,
@@ -119,7 +119,7 @@ class Trajectory:
         changes = [
             limit.changes
             for limit in problem.constraints.limits
-            if isinstance(limit, BalanceLimit)
+            if isinstance(limit, BatchLimit)
         ]
         rows = [self._splines.rows(PERIOD), *changes]
         self._limited = np.unique(np.concatenate(rows))
@@ -152,7 +152,8 @@ class Trajectory:
 
         Of the others that is improved which promises most.
         """
-        start, given = self._problem.start, self._problem.constraints.at(0)
+        start = self._problem.start
+        given = self._problem.constraints.at(0, self._course([start]))
         tasks = [task.at(0) for task in self._problem.tasks]
         first, _ = last(search(self._solver, start, tasks, given, start.position))
         best = self.improved(self._state(self.guess(first.configuration)))
@@ -196,7 +197,7 @@ class Trajectory:
         for row, duration in zip(rows[1:], np.diff(problem.times[rows])):
             reach = self._fastest[6:] * duration
             bounds = replace(
-                problem.constraints.at(row),
+                problem.constraints.at(row, self._course(found, rows)),
                 lower=np.maximum(problem.constraints.lower, now.position - reach),
                 upper=np.minimum(problem.constraints.upper, now.position + reach),
             )
@@ -219,6 +220,12 @@ class Trajectory:
         centers = self._splines.centers
         each = [np.interp(centers, problem.times[rows], column) for column in columns.T]
         return self._smoothed(np.stack(each, axis=1))
+
+    def _course(self, found: Sequence[Configuration], rows: Any = (0,)) -> Course:
+        """Return the course of the first configurations of samples by their rows."""
+        roots, positions = (np.array(part) for part in zip(*found))
+        poses = self._solver.kinematics.link_poses(roots, positions)
+        return Course(self._problem.times[[*rows[: len(found)]]], poses)
 
     def _smoothed(self, control: np.ndarray) -> np.ndarray:
         """Average control points with their neighbours until they are within bounds.
@@ -298,6 +305,7 @@ class Trajectory:
         """Compare each sample with its tasks and limits, without rates."""
         view, given = found.view, self._problem.constraints
         every = np.arange(len(view.roots))
+        course = self._splines.course(view)
         parts = []
         for limit in given.limits:
             near = self._splines.approach(limit, view, every)
@@ -310,7 +318,7 @@ class Trajectory:
             Linearization(
                 Configuration(view.roots[row], positions[row]),
                 [task.at(row) for task in self._problem.tasks],
-                given.at(row),
+                given.at(row, course),
                 view.jacobians,
                 view.points[row],
                 view.displacements[row],

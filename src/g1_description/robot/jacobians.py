@@ -45,6 +45,11 @@ class Jacobians:
         screws = kinematics.joint_screws(origin, axis)
         self._screws = np.concatenate([root, screws], axis=-2)
 
+    @property
+    def n_columns(self) -> int:
+        """Return the number of degrees of freedom, 6 + n_joints."""
+        return self._moves.shape[1]
+
     def of_links(
         self, rows: Sequence[int] | np.ndarray, points: np.ndarray | None = None
     ) -> np.ndarray:

@@ -1,0 +1,243 @@
+"""Keeps links, and the objects that they carry, away from the objects of a scene."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+from copy import copy
+from typing import NamedTuple
+
+import numpy as np
+
+from g1_description.collisions.contacts import Contacts
+from g1_description.collisions.obstacles import Obstacles
+from g1_description.ik.limits import (
+    INFLUENCE,
+    BatchLimit,
+    Course,
+    SampledApproach,
+)
+from g1_description.ik.tasks import LinkTask
+from g1_description.robot.description import Description
+from g1_description.robot.jacobians import Jacobians
+from g1_description.robot.rotation import normalized
+from g1_description.robot.transform import compose
+from g1_description.scenes.carried import LinkPoses, holds_of
+from g1_description.scenes.scene import Scene
+
+DISTANCE = 0.002
+"""Least distance of links from objects, in [m]. Feet and objects that are carried may
+touch others: they are put on them."""
+
+FLAT = np.cos(np.radians(10.0))
+"""Least upward part of the normal of what a link stands on."""
+
+STANDING = 0.01
+"""Distance up to which a link stands on an object, in [m]."""
+
+TOUCHING = 1e-3
+"""Room in [m] below which an object is in the way."""
+
+MAX_NAMED = 3
+"""Most contacts in a message."""
+
+
+class Held(NamedTuple):
+    """What holds objects at some times."""
+
+    carriers: np.ndarray
+    """Rows of links, -1 where none carries the object, shape (n, n_objects)."""
+
+    poses: np.ndarray
+    """Poses in the frames of these links or else the map, shape (n, n_objects, 7)."""
+
+    def placed(self, link_poses: np.ndarray) -> np.ndarray:
+        """Return T_map_object, shape (n, n_objects, 7), for T_map_link."""
+        samples, objects = np.nonzero(self.carriers >= 0)
+        found = self.poses.copy()
+        links = link_poses[samples, self.carriers[samples, objects]]
+        found[samples, objects] = compose(links, found[samples, objects])
+        return found
+
+
+class Surroundings:
+    """The objects around a robot, and what holds them."""
+
+    def __init__(self, description: Description, scene: Scene) -> None:
+        """Prepare the shapes.
+
+        Raises:
+            UnknownNameError: If a link or object is named that does not exist.
+        """
+        self._description, self.scene = description, scene.copy()
+        self.obstacles = Obstacles(description, scene)
+        """The shapes."""
+
+    def is_for(self, scene: Scene) -> bool:
+        """Return whether the shapes are those of a scene, wherever its objects are."""
+        return len(scene) == len(self.scene) and all(
+            now.link is before.link
+            and now.attachments == before.attachments
+            and now.may_touch == before.may_touch
+            for now, before in zip(scene.values(), self.scene.values())
+        )
+
+    def moved(self, scene: Scene) -> Surroundings:
+        """Return them with the objects where they are in another scene."""
+        found = copy(self)
+        found.scene = scene.copy()
+        return found
+
+    def held(self, times: np.ndarray, course: Course) -> Held:
+        """Find out what holds objects.
+
+        Args:
+            times: In [s], shape (n,).
+            course: Where links are, as far as that is known.
+        """
+        objects = [*self.scene.values()]
+        carriers = np.full((len(times), len(objects)), -1)
+        poses = np.empty((len(times), len(objects), 7))
+        names = self.obstacles.names
+        holds = holds_of(objects, self._description, _links(course, names))
+        for column, some in enumerate(holds):
+            begins = [hold.begin for hold in some]
+            numbers = np.searchsorted(begins, times, "right") - 1
+            rows = np.array([names.index(h.link) if h.link else -1 for h in some])
+            carriers[:, column] = rows[numbers]
+            poses[:, column] = np.array([hold.pose for hold in some])[numbers]
+        return Held(carriers, poses)
+
+    def stood_on(
+        self, tasks: Sequence[LinkTask], link_poses: np.ndarray
+    ) -> dict[int, np.ndarray]:
+        """Find the links that stand on flat tops of objects.
+
+        Args:
+            tasks: Poses of links.
+            link_poses: Poses of all links at the start, shape (n_links, 7).
+
+        Returns:
+            Whether they do in each sample, shape (n,), by the rows of links.
+        """
+        rows = [task.link for task in tasks]
+        count = max(len(np.atleast_2d(task.pose)) for task in tasks)
+        poses = np.repeat(link_poses[np.newaxis], count, axis=0)
+        for task in tasks:
+            poses[:, task.link] = task.link_pose
+        # Feet are at rest in most samples.
+        some, which = np.unique(poses[:, rows], axis=0, return_inverse=True)
+        first = np.array([int(np.argmax(which == row)) for row in range(len(some))])
+        still = np.array([each.pose for each in self.scene.values()])
+        near = self.obstacles.contacts_among(poses[first], still, STANDING)
+        is_flat = -near.normal[:, 2] > FLAT
+        links = self._pair_rows[near.pair, 0]
+        return {
+            row: np.isin(which, near.sample[is_flat & (links == row)]) for row in rows
+        }
+
+    @property
+    def _pair_rows(self) -> np.ndarray:
+        """Rows of both sides of pairs, those of objects behind the links."""
+        row_of = {name: row for row, name in enumerate(self.obstacles.names)}
+        rows = [[row_of[name] for name in pair] for pair in self.obstacles.pairs]
+        return np.array(rows, dtype=int).reshape(-1, 2)
+
+
+class ObstacleLimit(BatchLimit):
+    """Keeps links, and what they carry, away from objects."""
+
+    reached = "a link is at an object"
+
+    def __init__(
+        self,
+        surroundings: Surroundings,
+        times: np.ndarray,
+        but_for: Collection[int] = (),
+        feet: Collection[int] = (),
+    ) -> None:
+        """Prepare the pairs.
+
+        Args:
+            surroundings: The objects.
+            times: Of the configurations in [s], shape (n,).
+            but_for: Rows of links that stay where they are.
+            feet: Rows of links that may touch objects.
+        """
+        self._surroundings, self._times = surroundings, times
+        self._obstacles = surroundings.obstacles
+        self._pairs = surroundings._pair_rows
+        n_links = len(self._obstacles.names) - len(surroundings.scene)
+        self._movers = np.arange(n_links)
+        self._movers[[*but_for]] = -1
+        first = self._pairs[:, 0]
+        may_touch = np.isin(first, [*feet]) | (first >= n_links)
+        self._least = np.where(may_touch, 0.0, DISTANCE)
+        self._held: Held | None = None
+
+    def at(self, rows: np.ndarray, course: Course) -> ObstacleLimit:
+        """Return the limit of some configurations."""
+        found = copy(self)
+        found._held = self._surroundings.held(self._times[rows], course)
+        return found
+
+    def approaches(self, jacobians: Jacobians) -> SampledApproach:
+        """Linearize the distances of what is near objects."""
+        found, first, second = self._near(jacobians.link_poses)
+        rates = np.zeros((len(first), 3, jacobians.n_columns))
+        for sign, rows, points in (
+            (1.0, first, found.points_a),
+            (-1.0, second, found.points_b),
+        ):
+            moves = np.flatnonzero(rows >= 0)
+            given = found.sample[moves], rows[moves], points[moves]
+            rates[moves] += sign * jacobians.of_each(*given)
+        rates = (found.normal[:, np.newaxis] @ rates)[:, 0]
+        return found.sample, (rates, found.distance - self._least[found.pair])
+
+    def _near(self, link_poses: np.ndarray) -> tuple[Contacts, np.ndarray, np.ndarray]:
+        """Find contacts, and the rows of links that move each side, -1: none."""
+        assert self._held is not None
+        objects = self._held.placed(link_poses)
+        reach = DISTANCE + INFLUENCE
+        found = self._obstacles.contacts_among(link_poses, objects, reach)
+        links = np.tile(self._movers, (len(link_poses), 1))
+        movers = np.concatenate([links, self._held.carriers], axis=1)
+        first, second = movers[found.sample[:, np.newaxis], self._pairs[found.pair]].T
+        moves = np.flatnonzero(first != second)
+        return found[moves], first[moves], second[moves]
+
+    def excess_message(self, excess: float) -> str:
+        """Describe by how much something is too near, in [m]."""
+        return f"a link is {1e3 * excess:.0f} mm too near to an object"
+
+    def contacts_at(self, link_poses: np.ndarray) -> Iterator[str]:
+        """Describe what is at objects in a configuration, the deepest first.
+
+        Args:
+            link_poses: Poses of links, shape (n_links, 7).
+        """
+        found, _, _ = self._near(link_poses[np.newaxis])
+        room = found.distance - self._least[found.pair]
+        for row in np.argsort(room)[:MAX_NAMED]:
+            if room[row] < TOUCHING:
+                one, other = self._obstacles.pairs[found.pair[row]]
+                depth = -1e3 * found.distance[row]
+                is_deep = room[row] < -TOUCHING and depth >= 0.5
+                yield f"{one} is {f'{depth:.0f} mm in' if is_deep else 'at'} {other}"
+
+
+def _links(course: Course, names: Sequence[str]) -> LinkPoses:
+    """Interpolate the poses of links."""
+
+    def link_poses(link: str, times: np.ndarray) -> np.ndarray:
+        at = np.interp(times, course.times, np.arange(len(course.times)))
+        before = np.floor(at).astype(int)
+        after = np.minimum(before + 1, len(course.times) - 1)
+        poses = course.link_poses[:, names.index(link)]
+        first, second, share = poses[before], poses[after], (at - before)[:, np.newaxis]
+        same = np.where((first * second)[:, 3:].sum(axis=1) < 0.0, -1.0, 1.0)
+        second = second * np.where(np.arange(7) < 3, 1.0, same[:, np.newaxis])
+        found = (1.0 - share) * first + share * second
+        return np.concatenate([found[:, :3], normalized(found[:, 3:])], axis=1)
+
+    return link_poses

@@ -1,0 +1,93 @@
+"""Inverse kinematics among the objects of a scene."""
+
+import numpy as np
+import pytest
+
+from g1_description import Robot, Scene
+from g1_description.collisions.obstacles import Obstacles
+from g1_description.errors import G1DescriptionError
+
+BASE = np.array([0.0, 0.0, 0.7634, 0.0, 0.0, 0.0, 1.0])
+WHOLE = {"balance": True, "avoid_collisions": True, "floor": 0.0}
+
+
+@pytest.fixture(scope="module")
+def g1():
+    return Robot("g1_29dof")
+
+
+@pytest.fixture(scope="module")
+def standing(g1):
+    return g1.named_configuration("stand")
+
+
+def depths(g1, scene, found, object_poses=None):
+    """Measure how deep anything is in an object, in [m]."""
+    links = g1.forward_kinematics(found.positions, found.base)[np.newaxis]
+    if object_poses is None:
+        object_poses = np.array([each.pose for each in scene.values()])
+    near = Obstacles(g1.description, scene).contacts_among(links, object_poses)
+    return -near.distance
+
+
+def shelf(**options):
+    scene = Scene()
+    scene.box("shelf", [0.4, 0.6, 0.03], [0.45, 0.2, 0.8], **options)
+    return scene
+
+
+def test_links_keep_away_from_objects(g1, standing):
+    below = {"left_hand": [0.3, 0.2, 0.74]}
+    assert depths(g1, shelf(), g1.ik(below, standing, BASE)).max() > 0.01
+    found = g1.ik(below, standing, BASE, scene=shelf(), **WHOLE)
+    assert found.reached
+    assert not len(depths(g1, shelf(), found))
+    inside = {"left_hand": [0.4, 0.2, 0.8]}
+    found = g1.ik(inside, standing, BASE, scene=shelf(), **WHOLE)
+    assert "left_rubber_hand is at shelf" in found.message
+    assert depths(g1, shelf(), found).max(initial=0.0) < 1e-3
+    allowed = shelf(may_touch=["left_wrist_roll_link", "left_hand"])
+    touched = g1.ik(inside, standing, BASE, scene=allowed, **WHOLE)
+    assert touched.errors["left_hand"].position < 0.2 * found.errors["left_hand"][0]
+
+
+def test_what_a_link_carries_keeps_away_too(g1, standing):
+    scene = shelf()
+    hand = g1.link_poses(standing, BASE)[g1.profile.links["left_hand"]]
+    scene.box("tray", [0.3, 0.02, 0.02], hand[:3] + np.array([0.3, 0, 0]))
+    scene.attach("tray", "left_hand", 0.0)
+    ahead = {"left_hand": [0.15, 0.2, 0.9]}
+    found = g1.ik(ahead, standing, BASE, scene=scene, **WHOLE)
+    assert found.reached
+    turned = np.array([0.15, 0.2, 0.9, *hand[3:]])
+    through = {"left_hand": turned - [0, 0, 0.1, 0, 0, 0, 0]}
+    found = g1.ik(through, standing, BASE, scene=scene, **WHOLE)
+    assert "tray is at shelf" in found.message
+    assert found.errors["left_hand"].position > 1e-3
+    assert g1.ik(through, standing, BASE, scene=shelf(), **WHOLE).reached
+
+
+def test_feet_stand_on_what_is_flat(g1, standing):
+    poses, feet = g1.link_poses(standing, BASE), ("left_foot", "right_foot")
+    targets = {foot: poses[g1.profile.links[foot]].copy() for foot in feet}
+    targets["left_foot"][2] += 0.15
+    scene = Scene()
+    place = [*targets["left_foot"][:2], 0.075]
+    scene.box("step", [0.3, 0.15, 0.15], place)
+    low = g1.ik(targets, standing, BASE, balance=True)
+    middle = sum(targets[foot][1] for foot in feet) / 2.0
+    for rpy, is_between in (([0, 0, 0.1], True), ([0.3, 0, 0], False)):
+        scene.move("step", place, rpy)
+        found = g1.ik(targets, standing, BASE, balance=True, scene=scene)
+        center = g1.center_of_mass(found.positions, found.base)[1]
+        both = center - g1.center_of_mass(low.positions, low.base)[1]
+        assert (found.reached and both > 0.01 and center < middle) == is_between
+
+
+@pytest.mark.parametrize(
+    ("scene", "problem"),
+    [("shelf.yaml", "Scene.read"), ({"box": {}}, "scene must be a Scene or None")],
+)
+def test_something_else_than_a_scene_is_refused(g1, scene, problem):
+    with pytest.raises(G1DescriptionError, match=problem):
+        g1.ik({}, scene=scene)
