@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,8 @@ from waiting import wait_for
 from g1_description.errors import G1DescriptionError
 from g1_description.motion.motion import Motion
 from g1_description.robot.urdf import parse_urdf
+from g1_description.scenes.objects import attached
+from g1_description.scenes.scene import Scene
 from g1_description.web.file_world import DISTANCE, FileWorld, StillRobot
 
 BALL = (
@@ -243,3 +246,47 @@ def arm(robot):
     """Place the arm by scipy."""
     state = robot.state()
     return forward_kinematics(BALL, state.base_pose, state.positions_by_name)["arm"]
+
+
+def test_objects_are_carried_along_a_motion_and_by_hand():
+    scene = Scene()
+    scene.sphere("ball", 0.1, [0.5, 0.0, 0.3])
+    scene.box("table", [1.0, 1.0, 0.1], [1.0, 0.0, 0.0])
+    scene.attach("ball", "arm", 1.0, 2.0)
+    robot = StillRobot("ball", parse_urdf(BALL))
+    world = FileWorld([robot], None, scene)
+    (shown,) = world.scenes
+
+    def place(name="ball"):
+        return shown.poses()[name][:3].tolist()
+
+    player = world.open(robot, ramp(3.0, base=[0, 0, 0.3, 0, 0, 0, 1]))
+    for at, x in ((0.0, 0.5), (1.0, 0.5), (1.5, 1.0), (2.0, 1.5), (3.0, 1.5)):
+        player.show(at)
+        assert place()[0] == pytest.approx(x)
+    player.show(0.5)
+    shown.attach("ball", "base")  # from now on; what was later is no more
+    assert [(o.link, o.begin) for o in scene["ball"].attachments] == [("base", 0.5)]
+    player.show(2.5)
+    assert place() == pytest.approx([2.5, 0.0, 0.3])
+    shown.move("ball", np.array([2.5, 1.0, 0.3, 0, 0, 0, 1]))
+    assert place() == pytest.approx([2.5, 1.0, 0.3])
+    player.show(0.0)
+    assert place() == pytest.approx([0.5, 1.0, 0.3])
+    assert place("table") == [1.0, 0.0, 0.0]
+    # Without a motion, as people put it into the frame of the link.
+    world.motions.clear()
+    world.player = None
+    shown.attach("ball", "")
+    shown.attach("ball", "base")
+    x, y, z = place()
+    base = robot.state().base_pose
+    base[0] += 1.0
+    robot.command_base(base)
+    assert place() == pytest.approx([x + 1.0, y, z])
+    look = replace(scene["table"].link, name="brick")
+    shown.change("ball", replace(scene["ball"], link=look))
+    assert place("brick") == pytest.approx([x + 1.0, y, z])
+    assert shown.carrier("brick") == "base" and {*shown.poses()} == {"table", "brick"}
+    with pytest.raises(G1DescriptionError, match="wing"):
+        FileWorld([robot], None, Scene([attached(scene["table"], "wing", 0.0, 1.0)]))

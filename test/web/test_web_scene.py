@@ -22,7 +22,9 @@ from g1_description.robot.assembly import WORLD, root_in_base
 from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.transform import IDENTITY, compose
 from g1_description.robot.urdf import parse_urdf
+from g1_description.scenes.scene import Scene
 from g1_description.web.scene.marks import SceneMarks
+from g1_description.web.scene.objects import Looks, SceneObjects
 from g1_description.web.scene.trails import last_links
 from g1_description.web.scene.tree import LinkTree, pose_of
 
@@ -284,3 +286,34 @@ def test_what_keeps_its_form_is_only_moved(seen):
     )
     assert seen.updates("/marks/still/area/triangles_6_0") == 0
     assert seen.updates("/marks/still/area/line_0") == 0
+
+
+def test_objects_come_move_change_and_go(seen):
+    scene, looks = Scene(), Looks()
+    objects = SceneObjects(seen.server.scene, seen.add_root().name + "/objects")
+
+    def shown():
+        there = looks.of([*scene.values()])
+        objects.show(there, {name: each.object.pose for name, each in there.items()})
+        below = {
+            name: node
+            for name, node in seen.nodes().items()
+            if name.startswith(f"{objects.path}/")
+        }
+        frames = [node for name, node in below.items() if name.count("/") == 3]
+        return [node["position"] for node in frames], len(below) - len(frames)
+
+    scene.box("a/b", [0.1, 0.2, 0.3], [1.0, 2.0, 3.0], color=[1.0, 0.0, 0.0])
+    scene.plane("wall", [0.0, -3.0, 0.0], [0.0, 2.0, 0.0])
+    assert shown() == ([[1.0, 2.0, 3.0], [0.0, 2.0, 0.0]], 2)
+    messages = seen.client.messages
+    assert shown()[1] == 2
+    assert seen.client.messages == messages + 1  # the marker only
+    scene.move("a/b", [4.0, 5.0, 6.0])
+    scene.remove("wall")
+    assert shown() == ([[4.0, 5.0, 6.0]], 1)
+    scene.remove("a/b")
+    ball = scene.sphere("a/b", 0.2, [7.0, 8.0, 9.0])
+    assert shown() == ([[7.0, 8.0, 9.0]], 1)
+    (patch,) = looks.of([ball])["a/b"].patches
+    np.testing.assert_allclose(np.linalg.norm(patch.vertices, axis=1), 0.2, atol=1e-6)

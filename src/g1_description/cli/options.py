@@ -49,6 +49,18 @@ def collisions() -> Any:
     )
 
 
+def scene() -> Any:
+    """Declare the file of the objects around the robot."""
+    return option(
+        "objects around the robot: YAML, or an SDF model or world",
+        None,
+        Path,
+        metavar="FILE",
+        shown="none",
+        see="[scenes](scenes.md)",
+    )
+
+
 def motion_file(text: str) -> Path:
     """Read the name of a motion; those of this package need no folder."""
     # Only where it is given: doctor must run without what finds files.

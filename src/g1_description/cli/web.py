@@ -34,6 +34,7 @@ from g1_description.motion.files.source import ReadOptions
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.robot.load import read_description
+from g1_description.scenes.scene import Scene
 from g1_description.web.file_world import FileWorld, StillRobot
 from g1_description.web.library import REPORTS, Library
 from g1_description.web.page import Page, report_address
@@ -91,6 +92,7 @@ class WebOptions:
     topic: str | None = options.topic()
     order: str | None = options.order()
     format: str | None = options.file_format()
+    scene: Path | None = options.scene()
     collisions: Path | None = options.collisions()
     thresholds: Path | None = options.thresholds()
     host: str = option(
@@ -152,7 +154,8 @@ def make_world(args: WebOptions) -> tuple[FileWorld, list[tuple[Path, Motion]]]:
     if len({*names}) < len(names):
         names = [f"{file.name} {number}" for number, file in enumerate(files, 1)]
     robots = [StillRobot(name, robot) for name in names]
-    world = FileWorld(robots, partial(_read, args))
+    scene = None if args.scene is None else Scene.read(args.scene)
+    world = FileWorld(robots, partial(_read, args), scene)
     return world, motions
 
 

@@ -1,8 +1,8 @@
-"""The triangles of a robot's links by colour, for browsers."""
+"""The triangles of links and objects by colour, for browsers."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Tuple
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from g1_description.robot.description import Description, Shape
 from g1_description.robot.rotation import rotate
+from g1_description.scenes.objects import SceneObject
 from g1_description.sim.meshes.shapes import (
     Mesh,
     Part,
@@ -38,6 +39,12 @@ _BOX = np.array(
 _BOX = np.concatenate([_BOX[:, ::-1], 1 - _BOX]) - 0.5
 """Triangles of a box with sides of 1 about the origin, anticlockwise from outside."""
 
+_SQUARE = np.array([[[-1, -1], [1, -1], [1, 1]], [[-1, -1], [1, 1], [-1, 1]]]) / 2
+"""Triangles of a square with sides of 1, along two sides."""
+
+PLANE, SEE_THROUGH = 10.0, 0.25
+"""Length of the sides of the square that shows a plane, in [m], and its opacity."""
+
 
 @dataclass(frozen=True, eq=False)
 class Patch:
@@ -64,22 +71,48 @@ def link_patches(
     Returns:
         One patch per colour by link name, and messages on what cannot be used.
     """
-    shapes = {
-        link.name: link.collisions if solid else link.visuals for link in robot.links
-    }
+    patches, left_out = patches_of(
+        {link.name: link.collisions if solid else link.visuals for link in robot.links}
+    )
+    return patches, (*robot.unread, *left_out)
+
+
+def object_shapes(objects: Iterable[SceneObject]) -> dict[str, Sequence[Shape]]:
+    """List the shapes by which objects are seen: visual ones, or else collision shapes.
+
+    Args:
+        objects: The objects.
+
+    Returns:
+        Shapes by the name of their object.
+    """
+    return {each.name: each.link.visuals or each.link.collisions for each in objects}
+
+
+def patches_of(
+    shapes: Mapping[str, Sequence[Shape]],
+) -> tuple[dict[str, list[Patch]], tuple[str, ...]]:
+    """Find the triangles of links or objects.
+
+    Args:
+        shapes: Their shapes, by name.
+
+    Returns:
+        One patch per colour by name, where there are any, and messages on what cannot
+        be used.
+    """
     meshes, left_out = find_meshes(s for some in shapes.values() for s in some)
     patches = {
-        link: _merged(
+        name: _merged(
             look
             for shape in some
             if is_there(shape, meshes)
             for part in shape_parts(shape, meshes.get(shape.filename))
             for look in [(part.corners, part.color or GREY)]
         )
-        for link, some in shapes.items()
+        for name, some in shapes.items()
     }
-    kept = {link: some for link, some in patches.items() if some}
-    return kept, (*robot.unread, *left_out)
+    return {name: some for name, some in patches.items() if some}, left_out
 
 
 def shape_parts(shape: Shape, mesh: Mesh | None) -> list[Part]:
@@ -102,7 +135,12 @@ def shape_parts(shape: Shape, mesh: Mesh | None) -> list[Part]:
 
 
 def _primitive(shape: Shape) -> Part:
-    """Make the triangles of a box or a round shape."""
+    """Make the triangles of a box or a round shape, or a part of a plane."""
+    if shape.kind == "plane":
+        normal = np.array(shape.size)
+        corners = PLANE * (_SQUARE @ _sides(normal))
+        color = (*(shape.color or GREY)[:3], SEE_THROUGH)
+        return Part(corners, np.broadcast_to(normal, corners.shape), color)
     if shape.kind == "box":
         corners = _BOX * np.array(shape.size)
         edges = np.cross(_BOX[:, 1] - _BOX[:, 0], _BOX[:, 2] - _BOX[:, 0])
@@ -110,6 +148,13 @@ def _primitive(shape: Shape) -> Part:
     surface = ROUND[shape.kind](*shape.size)
     triangles = surface.triangles
     return Part(surface.vertices[triangles], surface.normals[triangles], None)
+
+
+def _sides(normal: np.ndarray) -> np.ndarray:
+    """Return two directions in a plane, anticlockwise about its normal, (2, 3)."""
+    first = np.cross(np.eye(3)[np.argmin(np.abs(normal))], normal)
+    first /= np.linalg.norm(first)
+    return np.array([first, np.cross(normal, first)])
 
 
 def _merged(looks: Iterable[tuple[np.ndarray, Color]]) -> list[Patch]:

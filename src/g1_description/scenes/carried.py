@@ -34,32 +34,44 @@ class Hold(NamedTuple):
     """T_link_object, or T_map_object, shape (7,)."""
 
 
+class RobotLinks:
+    """The links of a robot, for poses along its motions."""
+
+    def __init__(self, robot: Description) -> None:
+        self._kinematics = Kinematics(robot)
+        self._T_base_root = root_in_base(robot)
+        self._rows = {name: row for row, name in enumerate(Assembly(robot).link_names)}
+        self._joints = [joint.name for joint in robot.movable_joints]
+
+    def along(self, motion: Motion, base: np.ndarray = IDENTITY) -> LinkPoses:
+        """Find the links of the robot that follows a motion.
+
+        Args:
+            motion: The motion; other joints are at zero.
+            base: T_map_base of a motion without poses of the base, shape (7,).
+        """
+        known = {name: column for column, name in enumerate(self._joints)}
+        used = [name in known for name in motion.joint_names]
+        columns = [known[name] for name in motion.joint_names if name in known]
+
+        def link_poses(link: str, times: np.ndarray) -> np.ndarray:
+            found = sample(motion, np.clip(times, motion.begin, motion.end))
+            positions = np.zeros((len(times), len(known)))
+            positions[:, columns] = found.positions[:, used]
+            bases = found.base_poses
+            bases = np.tile(base, (len(times), 1)) if bases is None else bases
+            roots = compose(bases, self._T_base_root)
+            poses = self._kinematics.link_poses(roots, positions)
+            return np.asarray(poses[:, self._rows[link]])
+
+        return link_poses
+
+
 def motion_links(
     robot: Description, motion: Motion, base: np.ndarray = IDENTITY
 ) -> LinkPoses:
-    """Find the links of a robot that follows a motion.
-
-    Args:
-        robot: The robot.
-        motion: Its motion; other joints are at zero.
-        base: T_map_base of a motion without poses of the base, shape (7,).
-    """
-    kinematics, T_base_root = Kinematics(robot), root_in_base(robot)
-    rows = {name: row for row, name in enumerate(Assembly(robot).link_names)}
-    names = [joint.name for joint in robot.movable_joints]
-    columns = {name: names.index(name) for name in motion.joint_names if name in names}
-    used = [motion.joint_names.index(name) for name in columns]
-
-    def link_poses(link: str, times: np.ndarray) -> np.ndarray:
-        found = sample(motion, np.clip(times, motion.begin, motion.end))
-        positions = np.zeros((len(times), len(names)))
-        positions[:, [*columns.values()]] = found.positions[:, used]
-        bases = found.base_poses
-        bases = np.tile(base, (len(times), 1)) if bases is None else bases
-        roots = compose(bases, T_base_root)
-        return kinematics.link_poses(roots, positions)[:, rows[link]]
-
-    return link_poses
+    """Find the links of a robot that follows a motion; see ``RobotLinks.along``."""
+    return RobotLinks(robot).along(motion, base)
 
 
 def holds_of(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from threading import Event, Lock
 from typing import Callable, Optional
@@ -16,9 +17,11 @@ from g1_description.robot.description import Description
 from g1_description.robot.lumping import lump_fixed_joints
 from g1_description.robot.state import RobotState
 from g1_description.robot.transform import IDENTITY
+from g1_description.scenes.scene import Scene
 from g1_description.sim.anchor import Anchor
 from g1_description.sim.model import Model
 from g1_description.sim.standing import standing_base
+from g1_description.web.file_scene import FileScene
 from g1_description.web.robot import ShownRobot
 
 DISTANCE = 1.2
@@ -220,12 +223,18 @@ class FileWorld:
     can_move = True
     has_commanded = False
 
-    def __init__(self, robots: list[StillRobot], read: ReadMotion) -> None:
+    def __init__(
+        self, robots: list[StillRobot], read: ReadMotion, scene: Scene | None = None
+    ) -> None:
         """Create a world without motions.
 
         Args:
             robots: All robots.
             read: Reads files.
+            scene: Objects around each robot; None: none at first.
+
+        Raises:
+            UnknownNameError: If an object is attached to a link that is not there.
         """
         self.robots = robots
         self.can_arrange = len(robots) > 1
@@ -234,7 +243,16 @@ class FileWorld:
         self.motions: dict[StillRobot, Motion] = {}
         self.player: ClockPlayer | None = None
         self._read = read
+        scene = Scene() if scene is None else scene
+        self.scenes = [
+            FileScene(scene, robot, partial(self._motion_of, robot)) for robot in robots
+        ]
         self.arrange(beside=True)
+
+    def _motion_of(self, robot: StillRobot) -> tuple[Motion | None, float]:
+        """Return the motion of a robot, if there is one, and the time in it, in [s]."""
+        time = 0.0 if self.player is None else self.player.time
+        return self.motions.get(robot), time
 
     def arrange(self, beside: bool) -> None:
         """Show robots next to each other, or at the positions of their motions."""

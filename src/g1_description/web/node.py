@@ -37,6 +37,7 @@ from g1_description.ros.playing import Session
 from g1_description.web.live_robot import LiveRobot
 from g1_description.web.live_simulator import LiveSimulator
 from g1_description.web.page import Page, report_address
+from g1_description.web.robot import ShownScene
 from g1_description.web.server.address import ServerOptions
 
 
@@ -126,6 +127,7 @@ class LiveWorld:
         self.robots, self.simulator, self.changed = robots, simulator, changed
         self.can_move = can_move
         self.has_commanded = with_ghost
+        self.scenes: Sequence[ShownScene] = ()
         self._log = ThrottledLog()
         self._players: dict[LiveRobot, LivePlayer] = {}
 

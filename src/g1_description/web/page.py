@@ -28,8 +28,9 @@ from g1_description.web.panel import Key, PageContext, RobotPanel
 from g1_description.web.plots import PlotPanel
 from g1_description.web.reach_panel import ReachPanel
 from g1_description.web.robot import ShownRobot, ShownWorld
+from g1_description.web.scene.objects import SceneObjects
 from g1_description.web.scene.robot import SceneRobot
-from g1_description.web.scene.stage import Stage
+from g1_description.web.scene.stage import MAP, Stage
 from g1_description.web.scene.tree import free_name
 from g1_description.web.server.address import ServerOptions
 from g1_description.web.server.page_server import PageServer
@@ -102,6 +103,10 @@ class Page:
         ]
         for row, shown in enumerate(self._shown if len(self._shown) > 1 else ()):
             shown.body.tag(shown.robot.name, row)
+        self._objects = [
+            SceneObjects(server.scene, f"{MAP}/objects/{number}")
+            for number, _ in enumerate(world.scenes)
+        ]
         self._stopped = threading.Event()
         self._page = PageContext(
             server,
@@ -270,11 +275,18 @@ class Page:
         seen: dict[ShownRobot, RobotState] = {}
         for shown in self._shown:
             self.ui.guarded(partial(self._show, shown, seen))
+        self.ui.guarded(self._show_objects)
         self._show_lack(seen)
         self._show_found()
         self._follow(seen)
         for panel in self._page.panels:
             self.ui.guarded(panel.follow)
+
+    def _show_objects(self) -> None:
+        """Show the objects around the robots."""
+        for objects, scene in zip(self._objects, self._world.scenes):
+            objects.place(scene.offset)
+            objects.show(scene.objects(), scene.poses())
 
     def _follow(self, states: Mapping[ShownRobot, RobotState]) -> None:
         """Keep the first robot in the centre, if switched on."""

@@ -15,6 +15,7 @@ from g1_description.robot.state import RobotState
 
 if TYPE_CHECKING:
     from g1_description.ros.history import HistoryClient
+    from g1_description.web.scene.objects import SeenObject
 
 
 class ShownRobot(Protocol):
@@ -133,10 +134,30 @@ class Simulator(Protocol):
         """Put a robot to a state, at rest."""
 
 
+class ShownScene(Protocol):
+    """Objects around robots. Methods do not block."""
+
+    @property
+    def offset(self) -> np.ndarray:
+        """Shift of the scene in the map, in [m], shape (3,)."""
+
+    def objects(self) -> Mapping[str, SeenObject]:
+        """Return all objects by name; one that was changed is another one."""
+
+    def poses(self) -> Mapping[str, np.ndarray]:
+        """Return T_map_object without the offset, shape (7,), by name, as of now.
+
+        That of an object that has moved is another array.
+        """
+
+
 class ShownWorld(Protocol):
     """The robots and the simulator of a page."""
 
     robots: Sequence[ShownRobot]
+    scenes: Sequence[ShownScene]
+    """Objects around them."""
+
     can_move: bool
     """Whether robots can be commanded."""
 
