@@ -4,26 +4,34 @@ What needs no browser is in test/web/test_web_page.py.
 """
 
 import re
+from threading import Event
 
 import numpy as np
 import pytest
 import rospy
 from g1_description.msg import RobotState
 from g1_description.srv import GetAnchor, SetAnchor
+from gazebo_msgs.msg import LinkStates
 from gazebo_msgs.srv import (
+    GetModelState,
     GetPhysicsProperties,
     GetPhysicsPropertiesResponse,
     GetWorldProperties,
 )
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
+from std_msgs.msg import String
 from support import browser
 from support.pictures import read_picture, share_changed
 from support.ros_testing import Connected, position_of, service, wait_for
 
 import g1_description
 from g1_description.cli import doctor
-from g1_description.ros.conversions import robot_state_from_message
+from g1_description.ros.conversions import pose_from_array, robot_state_from_message
+from g1_description.ros.log import ThrottledLog
+from g1_description.scenes.scene import Scene
+from g1_description.scenes.scene_file import sdf_of
+from g1_description.web.live_scene import LiveScene
 from g1_description.web.live_simulator import LiveSimulator
 
 from page_client import PageClient
@@ -255,6 +263,46 @@ def test_a_simulator_without_steps_is_not_the_stand_in():
     for simulator in simulators:
         simulator.watch(False)
     other.shutdown()
+
+
+def test_objects_of_the_simulator_come_move_and_go():
+    world = LiveScene(LiveSimulator("other"), Event(), ThrottledLog())
+    world.watch(True)
+    scene, states = (
+        rospy.Publisher(f"/other/{name}", kind, queue_size=1, latch=True)
+        for name, kind in (("scene", String), ("object_states", LinkStates))
+    )
+    given = Scene()
+    given.box("box", [0.1, 0.2, 0.3], [1, 2, 3], mass=2.0)
+    given.plane("wall", [1, 0, 0], [0, 0, 0])
+    scene.publish(sdf_of([*given.values()]))
+    wait_for(lambda: [*world.shown()[0]] == ["box", "wall"], "two objects")
+    look = world.shown()[0]["box"].patches
+    pose = np.array([4.0, 5.0, 6.0, 0.0, 0.0, 0.6, 0.8])
+    message = LinkStates(name=["box", "unknown"], pose=2 * [pose_from_array(pose)])
+    states.publish(message)
+    wait_for(lambda: world.shown()[1]["box"][0] == 4.0, "a move")
+    np.testing.assert_array_equal(world.shown()[1]["box"], pose)
+    np.testing.assert_array_equal(world.scene()["box"].pose, pose)
+    scene.publish("<nonsense")
+    scene.publish(sdf_of([given["box"]]))
+    wait_for(lambda: [*world.shown()[0]] == ["box"], "one object")
+    assert world.shown()[0]["box"].patches is look  # so nothing is sent again
+    world.watch(False)
+
+
+def test_objects_of_a_page_are_models_of_the_simulator():
+    world = LiveScene(LiveSimulator("gazebo"), Event(), ThrottledLog())
+    models = service("/gazebo/get_world_properties", GetWorldProperties)
+    state = service("/gazebo/get_model_state", GetModelState)
+    scene = Scene()
+    world.add(scene.box("page_box", [0.1, 0.1, 0.1], [2.0, 3.0, 0.5], mass=1.0))
+    try:
+        place = state("page_box", "world").pose.position
+        assert (place.x, place.y) == pytest.approx((2.0, 3.0), abs=1e-6)
+    finally:
+        world.remove("page_box")
+    assert "page_box" not in models().model_names
 
 
 def test_a_motion_is_opened_played_scrubbed_and_judged(page, robot, tmp_path):

@@ -46,7 +46,7 @@ class FileScene:
     carries is where people have put it in the frame of the link.
     """
 
-    can_attach = True
+    is_live = False
 
     def __init__(self, scene: Scene, robot: PlacedRobot, time: Time) -> None:
         """Begin.
@@ -82,13 +82,12 @@ class FileScene:
         roles = tuple(role for role in robot.profile.links if role.endswith("hand"))
         return roles or robot.link_names
 
-    def objects(self) -> Mapping[str, SeenObject]:
-        """Return all objects by name; one that was changed is another one."""
-        self._renew()
-        return self._seen
+    def shown(self) -> tuple[Mapping[str, SeenObject], Mapping[str, np.ndarray]]:
+        """Return all objects by name, and T_map_object of each, shape (7,), as of now.
 
-    def poses(self) -> Mapping[str, np.ndarray]:
-        """Return T_map_object without the offset, shape (7,), by name, as of now."""
+        An object that was changed is another one, and the pose of one that has moved
+        another array. The offset is not in it.
+        """
         self._renew()
         if self._carried:
             holds = [self._holds[name] for name in self._carried]
@@ -97,7 +96,7 @@ class FileScene:
             for name, pose in zip(self._carried, found):
                 if not np.array_equal(pose, self._poses[name]):
                     self._poses[name] = pose
-        return self._poses
+        return self._seen, self._poses
 
     def _present(self) -> tuple[np.ndarray, LinkPoses]:
         """Return T_map_base without the offset, and the links as they are, any time."""
@@ -143,7 +142,7 @@ class FileScene:
         Raises:
             InvalidValueError: If the name is taken.
         """
-        before = self._at(name, self.poses()[name])
+        before = self._at(name, self._pose(name))
         changed = replace(
             changed,
             pose=before.pose,
@@ -160,9 +159,13 @@ class FileScene:
         """Place an object: T_map_object without the offset, shape (7,), as of now."""
         self._scene.replace(self._at(name, pose))
 
+    def _pose(self, name: str) -> np.ndarray:
+        """Return T_map_object of one object, shape (7,), as of now."""
+        return self.shown()[1][self._scene[name].name]
+
     def _at(self, name: str, pose: np.ndarray) -> SceneObject:
         """Return an object that is somewhere now; shape (7,)."""
-        before, now = self._scene[name], self.poses()[name]
+        before, now = self._scene[name], self._pose(name)
         if self._motion is not None:  # it moves as before, from another beginning
             pose = compose(compose(before.pose, inverse(now)), pose)
         return replace(before, pose=pose)
@@ -173,7 +176,7 @@ class FileScene:
         With a motion, it is attached from the present time, and what is later is
         removed.
         """
-        before = self._at(name, self.poses()[name])
+        before = self._at(name, self._pose(name))
         motion, now = self._time()
         now = -np.inf if motion is None or now <= motion.begin else now
         earlier = [one for one in before.attachments if one.begin < now]
@@ -190,7 +193,7 @@ class FileScene:
         """Return the scene, as it is to be saved."""
         if self._motion is not None:
             return self._scene
-        poses = self.poses()
+        _, poses = self.shown()
         return Scene([replace(o, pose=poses[o.name]) for o in self._scene.values()])
 
     def load(self, scene: Scene) -> None:

@@ -128,38 +128,38 @@ class LiveSimulator:
 
     def pause(self) -> None:
         """Pause simulated time."""
-        self._call("pause_physics", Empty)
+        self.call("pause_physics", Empty)
         self._paused = True
 
     def go_on(self) -> None:
         """Resume simulated time."""
-        self._call("unpause_physics", Empty)
+        self.call("unpause_physics", Empty)
         self._paused = False
 
     def step(self, steps: int) -> None:
         """Run a number of steps while time is paused."""
-        self._call("step", Step, steps=steps)
+        self.call("step", Step, steps=steps)
 
     def set_speed(self, factor: float) -> None:
         """Set the speed of simulated time."""
-        self._call("set_real_time_factor", SetRealTimeFactor, real_time_factor=factor)
+        self.call("set_real_time_factor", SetRealTimeFactor, real_time_factor=factor)
 
     def reset(self) -> None:
         """Reset the world."""
-        self._call("reset_world", Empty)
+        self.call("reset_world", Empty)
 
     def hang(self, robot: str, is_on: bool, length: float) -> None:
         """Hang a robot on a rope of a length in [m], or let it go."""
-        self._call(
+        self.call(
             "set_gantry", SetGantry, model_name=robot, enable=is_on, length=length
         )
 
     def place(self, robot: str, state: RobotState) -> None:
         """Put a robot to a state, at rest, while time is paused."""
-        was_paused = self._call("get_physics_properties", GetPhysicsProperties).pause
+        was_paused = self.call("get_physics_properties", GetPhysicsProperties).pause
         self.pause()
         try:
-            self._call(
+            self.call(
                 "set_model_configuration",
                 SetModelConfiguration,
                 model_name=robot,
@@ -169,12 +169,12 @@ class LiveSimulator:
             if state.base_pose is not None:
                 pose = pose_from_array(state.base_pose)
                 base = ModelState(model_name=robot, pose=pose)
-                self._call("set_model_state", SetModelState, model_state=base)
+                self.call("set_model_state", SetModelState, model_state=base)
         finally:
             if not was_paused:
                 self.go_on()
 
-    def _call(self, service: str, kind: type, **fields) -> Any:
+    def call(self, service: str, kind: type, **fields) -> Any:
         """Call a service; return its answer.
 
         Raises:

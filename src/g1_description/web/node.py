@@ -1,7 +1,7 @@
 """The node that shows the robots of a bridge in a browser.
 
 Parameters: those of WebParameters
-Topics and services: those of live_robot and live_simulator
+Topics and services: those of live_robot, live_scene and live_simulator
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ from g1_description.ros.log import ThrottledLog
 from g1_description.ros.parameters import check_files, read_parameters
 from g1_description.ros.playing import Session
 from g1_description.web.live_robot import LiveRobot
+from g1_description.web.live_scene import LiveScene
 from g1_description.web.live_simulator import LiveSimulator
 from g1_description.web.page import Page, report_address
-from g1_description.web.robot import ShownScene
 from g1_description.web.server.address import ServerOptions
 
 
@@ -127,8 +127,10 @@ class LiveWorld:
         self.robots, self.simulator, self.changed = robots, simulator, changed
         self.can_move = can_move
         self.has_commanded = with_ghost
-        self.scenes: Sequence[ShownScene] = ()
         self._log = ThrottledLog()
+        self.scenes = [
+            LiveScene(one, changed, self._log) for one in (simulator,) if one
+        ]
         self._players: dict[LiveRobot, LivePlayer] = {}
 
     can_arrange = False
@@ -140,6 +142,8 @@ class LiveWorld:
         """Subscribe while the page is open."""
         if self.simulator is not None:
             self.simulator.watch(is_watched)
+        for scene in self.scenes:
+            scene.watch(is_watched)
         for robot in self.robots:
             if is_watched:
                 robot.watch(self._log)

@@ -286,7 +286,7 @@ class Page:
         """Show the objects around the robots."""
         for objects, scene in zip(self._objects, self._world.scenes):
             objects.place(scene.offset)
-            objects.show(scene.objects(), scene.poses())
+            objects.show(*scene.shown())
 
     def _follow(self, states: Mapping[ShownRobot, RobotState]) -> None:
         """Keep the first robot in the centre, if switched on."""

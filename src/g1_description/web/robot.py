@@ -141,13 +141,11 @@ class ShownScene(Protocol):
     def offset(self) -> np.ndarray:
         """Shift of the scene in the map, in [m], shape (3,)."""
 
-    def objects(self) -> Mapping[str, SeenObject]:
-        """Return all objects by name; one that was changed is another one."""
+    def shown(self) -> tuple[Mapping[str, SeenObject], Mapping[str, np.ndarray]]:
+        """Return all objects by name, and T_map_object of each, shape (7,), as of now.
 
-    def poses(self) -> Mapping[str, np.ndarray]:
-        """Return T_map_object without the offset, shape (7,), by name, as of now.
-
-        That of an object that has moved is another array.
+        An object that was changed is another one, and the pose of one that has moved
+        another array. The offset is not in it.
         """
 
 

@@ -1,0 +1,159 @@
+"""The objects in the simulator, as shown and changed by a page.
+
+Subscribes, below the simulator's name and while the page is open: scene
+    (std_msgs/String), object_states (gazebo_msgs/LinkStates)
+Calls: those of LiveSimulator, and spawn_sdf_model (gazebo_msgs/SpawnModel),
+    delete_model (gazebo_msgs/DeleteModel), set_model_state (gazebo_msgs/SetModelState)
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import rospy
+from gazebo_msgs.msg import LinkStates, ModelState
+from gazebo_msgs.srv import DeleteModel, SetModelState, SpawnModel
+from std_msgs.msg import String
+
+from g1_description.errors import DescriptionError, InvalidValueError
+from g1_description.robot.assembly import SCOPE
+from g1_description.robot.transform import IDENTITY
+from g1_description.ros.conversions import pose_from_array, pose_to_array
+from g1_description.ros.log import ThrottledLog
+from g1_description.scenes.objects import SceneObject
+from g1_description.scenes.scene import Scene
+from g1_description.scenes.scene_file import objects_of_sdf, sdf_of
+from g1_description.web.live_simulator import LiveSimulator
+from g1_description.web.scene.objects import Looks, SeenObject
+
+
+class LiveScene:
+    """The objects of a simulator. Its topics are read by rospy's threads."""
+
+    is_live = True
+    links: tuple[str, ...] = ()
+    offset = np.zeros(3)
+
+    def __init__(
+        self, simulator: LiveSimulator, changed: threading.Event, log: ThrottledLog
+    ) -> None:
+        """Begin without objects.
+
+        Args:
+            simulator: The simulator.
+            changed: Set when objects come, change, move or go.
+            log: For messages that cannot be used.
+        """
+        self._simulator, self._changed, self._log = simulator, changed, log
+        self._lock = threading.Lock()
+        self._looks = Looks()
+        self._objects: dict[str, SeenObject] = {}
+        self._poses: dict[str, np.ndarray] = {}
+        self._subscribers: tuple[rospy.Subscriber, ...] = ()
+
+    def watch(self, is_watched: bool) -> None:
+        """Subscribe while the page is open."""
+        for subscriber in self._subscribers:
+            subscriber.unregister()
+        name = self._simulator.name
+        self._subscribers = ()
+        if is_watched:
+            self._subscribers = (
+                rospy.Subscriber(f"{name}/scene", String, self._take_scene),
+                rospy.Subscriber(
+                    f"{name}/object_states", LinkStates, self._take_states
+                ),
+            )
+
+    def _take_scene(self, message: String) -> None:
+        """Take all objects, with their present poses."""
+        try:
+            objects = Scene(objects_of_sdf(message.data))
+        except (DescriptionError, InvalidValueError) as error:
+            name = self._simulator.name
+            self._log.warn("scene", f"The scene of {name} cannot be drawn: {error}")
+            return
+        with self._lock:
+            self._objects = self._looks.of([*objects.values()])
+            self._poses = {each.name: each.pose for each in objects.values()}
+        self._changed.set()
+
+    def _take_states(self, message: LinkStates) -> None:
+        """Take the poses of objects that have moved."""
+        poses = {n: pose_to_array(pose) for n, pose in zip(message.name, message.pose)}
+        with self._lock:
+            known = {name: pose for name, pose in poses.items() if name in self._poses}
+            self._poses = {**self._poses, **known}
+        self._changed.set()
+
+    def shown(self) -> tuple[Mapping[str, SeenObject], Mapping[str, np.ndarray]]:
+        """Return all objects by name, and T_map_object of each, shape (7,)."""
+        with self._lock:
+            return self._objects, self._poses
+
+    # --- changes by people: these block, and raise G1DescriptionError if refused ---
+
+    def add(self, added: SceneObject) -> None:
+        """Spawn an object as a model."""
+        self._simulator.call(
+            "spawn_sdf_model",
+            SpawnModel,
+            model_name=added.name,
+            model_xml=sdf_of([replace(added, pose=IDENTITY)]),
+            initial_pose=pose_from_array(added.pose),
+        )
+
+    def remove(self, name: str) -> None:
+        """Delete the model that an object is, or of which it is a link."""
+        model = name.split(SCOPE)[0]
+        self._simulator.call("delete_model", DeleteModel, model_name=model)
+
+    def change(self, name: str, changed: SceneObject) -> None:
+        """Replace an object, whose name may be a new one, where it is now."""
+        now = self._own(name)
+        if changed.name != name and changed.name in self.shown()[0]:
+            raise InvalidValueError(f"There are two objects called {changed.name}.")
+        self.remove(name)
+        self.add(replace(changed, pose=now.pose))
+
+    def move(self, name: str, pose: np.ndarray) -> None:
+        """Place an object, at rest: T_map_object, shape (7,)."""
+        self._own(name)
+        state = ModelState(model_name=name, pose=pose_from_array(pose))
+        self._simulator.call("set_model_state", SetModelState, model_state=state)
+
+    def _own(self, name: str) -> SceneObject:
+        """Return an object that is a model of its own, where it is now."""
+        objects, poses = self.shown()
+        if name not in objects:
+            raise InvalidValueError(f"{name} is no longer in the simulator.")
+        if SCOPE in name:
+            raise InvalidValueError(
+                f"{name} is a link of a model with several links, which can only be "
+                "deleted here."
+            )
+        return replace(objects[name].object, pose=poses[name])
+
+    def attach(self, name: str, link: str) -> None:
+        """Do nothing: no link can carry objects here."""
+
+    def carrier(self, name: str) -> str:
+        """Return what carries an object; empty: nothing."""
+        return ""
+
+    def scene(self) -> Scene:
+        """Return the scene, as it is to be saved."""
+        objects, poses = self.shown()
+        return Scene(
+            [replace(one.object, pose=poses[name]) for name, one in objects.items()]
+        )
+
+    def load(self, scene: Scene) -> None:
+        """Replace all objects."""
+        for model in {name.split(SCOPE)[0] for name in self.shown()[0]}:
+            self.remove(model)
+        for each in scene.values():
+            self.add(each)
