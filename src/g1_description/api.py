@@ -26,7 +26,7 @@ from g1_description.motion.edit import mirrored
 from g1_description.motion.files.conventions import JOINT_ORDERS
 from g1_description.motion.files.formats import read_motion, write_motion
 from g1_description.motion.files.source import ReadOptions
-from g1_description.motion.motion import Motion, fitted
+from g1_description.motion.motion import Motion, MotionLike, as_motion, fitted
 from g1_description.motion.motors import motors_of, named_motors
 from g1_description.motion.paths import motion_path
 from g1_description.robot.arrays import (
@@ -95,7 +95,8 @@ class Robot:
     Everywhere, ``positions`` may be arrays or dictionaries by joint (see the method
     ``positions``), with any number of leading axes for many configurations at once.
     ``base`` is the pose of the base link in the world, shape (..., 7); by default the
-    world's origin. Positions of poses are in [m].
+    world's origin. Positions of poses are in [m]. ``motion`` may be a result that has
+    one, such as an ``IkPath`` or ``Keyframes``.
     """
 
     @former_arguments(collisions="allowed_collisions")
@@ -683,7 +684,7 @@ class Robot:
     def write_motion(
         self,
         path: str | PathLike[str],
-        motion: Motion,
+        motion: MotionLike,
         rate: float | None = None,
         format: str | None = None,
     ) -> tuple[str, ...]:
@@ -705,7 +706,7 @@ class Robot:
             InvalidValueError: If the file cannot be written.
         """
         file = Path(path).expanduser()
-        return write_motion(file, motion, self.description, rate, format)
+        return write_motion(file, as_motion(motion), self.description, rate, format)
 
     @former_arguments(base_poses="base")
     def trajectory(
@@ -765,7 +766,9 @@ class Robot:
         motion = Motion(np.zeros(1), names, np.array([numbers]), base_poses=poses)
         return self.trajectory_message(motion, stamp)
 
-    def trajectory_message(self, motion: Motion, stamp: Any = None) -> RobotTrajectory:
+    def trajectory_message(
+        self, motion: MotionLike, stamp: Any = None
+    ) -> RobotTrajectory:
         """Write a motion as a message for the topic ``motion``; needs ROS.
 
         Args:
@@ -780,6 +783,7 @@ class Robot:
             UnknownNameError: If it has unknown joints.
             ImportError: If this Python has no ROS.
         """
+        motion = as_motion(motion)
         check_names(motion.joint_names, self.joint_names)
         return _messages().whole_body_message(motion, stamp)
 
@@ -799,7 +803,7 @@ class Robot:
         return _messages().motion_from_message(message, self.joint_names)
 
     @former_arguments(trajectory="motion")
-    def positions_of(self, motion: Motion) -> np.ndarray:
+    def positions_of(self, motion: MotionLike) -> np.ndarray:
         """Arrange the positions of a motion in the order of the robot's joints.
 
         Args:
@@ -812,11 +816,12 @@ class Robot:
         Raises:
             UnknownNameError: If it has unknown joints.
         """
+        motion = as_motion(motion)
         if not motion.joint_names:
             return np.tile(self.neutral, (len(motion.times), 1))
         return self.positions(dict(zip(motion.joint_names, motion.positions.T)))
 
-    def mirrored(self, motion: Motion) -> Motion:
+    def mirrored(self, motion: MotionLike) -> Motion:
         """Exchange left and right of a motion, at the plane y = 0 of the map.
 
         Args:
@@ -829,11 +834,11 @@ class Robot:
         Raises:
             MotionError: If it has unknown joints, or the robot is not symmetric.
         """
-        return mirrored(motion, self.description)
+        return mirrored(as_motion(motion), self.description)
 
     def padded(
         self,
-        motion: Motion,
+        motion: MotionLike,
         begin: str | JointValues | None = None,
         end: str | JointValues | None = None,
         seconds: float = 1.0,
@@ -857,7 +862,7 @@ class Robot:
             G1DescriptionError: If a pose or the duration is invalid.
         """
         before, after = self._by_joint(begin), self._by_joint(end)
-        return padded(self.description, motion, before, after, seconds)
+        return padded(self.description, as_motion(motion), before, after, seconds)
 
     def _by_joint(self, pose: str | JointValues | None) -> dict[str, float] | None:
         """Return the positions of a pose by joint."""
@@ -873,7 +878,7 @@ class Robot:
             )
         return dict(zip(self.joint_names, values.tolist()))
 
-    def on_floor(self, motion: Motion) -> Motion:
+    def on_floor(self, motion: MotionLike) -> Motion:
         """Lift or lower a whole motion so that its lowest point is at z = 0 of the map.
 
         Args:
@@ -885,11 +890,11 @@ class Robot:
         Raises:
             MotionError: If it has no base.
         """
-        return on_floor(self.description, motion)
+        return on_floor(self.description, as_motion(motion))
 
     def check(
         self,
-        motion: Motion | str | PathLike[str],
+        motion: MotionLike | str | PathLike[str],
         only: Collection[str] = (),
         thresholds: ThresholdValues = None,
         fixed_base: bool = False,
@@ -916,7 +921,7 @@ class Robot:
     def write_page(
         self,
         path: str | PathLike[str],
-        motion: Motion,
+        motion: MotionLike,
         verdict: Verdict | None = None,
     ) -> None:
         """Write a page in three dimensions: the robot, a motion and its findings.
@@ -934,14 +939,14 @@ class Robot:
         """
         from g1_description.render.page import motion_page
 
-        file = Path(path).expanduser()
+        file, motion = Path(path).expanduser(), as_motion(motion)
         text = motion_page(self.description, motion, verdict, motion.name or file.stem)
         write_whole(file, text.encode("utf-8", "backslashreplace"))
 
     def compare(
         self,
-        reference: Motion | str | PathLike[str],
-        executed: Motion | str | PathLike[str],
+        reference: MotionLike | str | PathLike[str],
+        executed: MotionLike | str | PathLike[str],
         shift: float | None = None,
     ) -> Comparison:
         """Compare an executed motion with its reference.
@@ -963,11 +968,11 @@ class Robot:
         motions = self._fitted(reference), self._fitted(executed)
         return compare(self.checker(), *motions, shift)
 
-    def _fitted(self, motion: Motion | str | PathLike[str]) -> Motion:
+    def _fitted(self, motion: MotionLike | str | PathLike[str]) -> Motion:
         """Return the motion, or that of a file, with the joints of this robot."""
-        if not isinstance(motion, Motion):
+        if isinstance(motion, (str, PathLike)):
             return self.read_motion(motion)
-        return fitted(motion, self.description)
+        return fitted(as_motion(motion), self.description)
 
     def check_state(
         self,

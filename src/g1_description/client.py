@@ -22,7 +22,7 @@ from std_srvs.srv import Empty
 from g1_description.errors import InvalidValueError
 from g1_description.former import former_arguments
 from g1_description.motion.history import CommandStream
-from g1_description.motion.motion import Motion
+from g1_description.motion.motion import Motion, MotionLike, as_motion
 from g1_description.robot.arrays import (
     JointValues,
     check_names,
@@ -251,12 +251,12 @@ class Client:
         return self.follow(Motion(np.zeros(1), names, np.array([numbers])))
 
     @former_arguments(trajectory="motion")
-    def follow(self, motion: Motion) -> str:
+    def follow(self, motion: MotionLike) -> str:
         """Start a motion now; it advances with the following steps.
 
         Args:
-            motion: The motion, from its time 0 on. Its base, in the world, is used only
-                in ``kinematic`` physics.
+            motion: The motion, or a result that has one, from its time 0 on. Its base,
+                in the world, is used only in ``kinematic`` physics.
 
         Returns:
             Deviations from the request; may be empty.
@@ -264,6 +264,7 @@ class Client:
         Raises:
             G1DescriptionError: If the request is invalid.
         """
+        motion = as_motion(motion)
         check_names(motion.joint_names, self.joint_names)
         message = model_trajectory(self._model, motion)
         answer = self._services.checked(
@@ -272,7 +273,7 @@ class Client:
         return answer.status_message
 
     @former_arguments(trajectory="motion")
-    def play(self, motion: Motion, every: int = 1) -> Motion:
+    def play(self, motion: MotionLike, every: int = 1) -> Motion:
         """Play a motion to its end.
 
         Args:
@@ -290,6 +291,7 @@ class Client:
         time_step = self.time_step
         if not time_step:
             raise RefusedError("time_step is 0: a motion would not advance.")
+        motion = as_motion(motion)
         self.follow(motion)
         # A nanosecond less: a motion of 0.3 s ends with step 300 of 0.001 s.
         steps = math.ceil((motion.rest_time - 1e-9) / time_step)

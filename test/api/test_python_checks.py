@@ -11,6 +11,7 @@ from g1_description.errors import (
     ThresholdError,
     UnknownNameError,
 )
+from g1_description.motion.edit import joined
 
 ROBOT = Robot()
 ELBOW = "left_elbow_joint"
@@ -41,6 +42,30 @@ def test_a_motion_is_judged_from_file_and_arrays(tmp_path):
     file = tmp_path / "mild.yaml"
     file.write_text("position: {warning: null, failure: 1.0}\n")
     assert ROBOT.check(motion, thresholds=file).findings == ()
+
+
+def test_a_result_that_has_a_motion_is_taken_for_it(tmp_path):
+    keys = ROBOT.keyframes(["stand", "squat"], [0.0, 0.5])
+
+    def written(write, motion):
+        write(tmp_path / "file.csv", motion)
+        return (tmp_path / "file.csv").read_bytes()
+
+    for take in (
+        ROBOT.check,
+        ROBOT.checker().check,
+        ROBOT.mirrored,
+        ROBOT.on_floor,
+        ROBOT.padded,
+        ROBOT.positions_of,
+        lambda motion: joined([motion, motion]),
+        lambda motion: ROBOT.compare(motion, motion),
+        lambda motion: written(ROBOT.write_motion, motion),
+        lambda motion: written(ROBOT.write_page, motion),
+    ):
+        assert repr(take(keys)) == repr(take(keys.motion))
+        with pytest.raises(MotionError, match="must be a Motion, or a result that has"):
+            take(3)
 
 
 def test_a_checker_also_plays_motions_in_physics():

@@ -28,7 +28,12 @@ from g1_description.checks.verdict import Verdict, sorted_findings, with_causes
 from g1_description.collisions.find_pairs import collisions_of
 from g1_description.collisions.self_collisions import SelfCollisions
 from g1_description.errors import G1DescriptionError, UnknownNameError
-from g1_description.motion.motion import Motion, configuration
+from g1_description.motion.motion import (
+    Motion,
+    MotionLike,
+    as_motion,
+    configuration,
+)
 from g1_description.robot.assembly import limbs_of
 from g1_description.robot.description import Description
 from g1_description.robot.state import RobotState
@@ -80,7 +85,7 @@ class Checker:
         given = (self.description, self.thresholds, self.fixed_base)
         return Checker, (*given, self.collisions, self.physics)
 
-    def check(self, motion: Motion, only: Collection[str] = ()) -> Verdict:
+    def check(self, motion: MotionLike, only: Collection[str] = ()) -> Verdict:
         """Check a motion.
 
         Args:
@@ -91,6 +96,7 @@ class Checker:
             UnknownNameError: If there is no such check.
             MotionError: If it is too long.
         """
+        motion = as_motion(motion)
         rules = self._rules(motion, only, self.physics is not None)
         measured = self._measure(motion, rules)
         if any(rule.needs_physics and not why for rule, why in rules.items()):

@@ -10,7 +10,14 @@ from typing import TypeVar
 import numpy as np
 
 from g1_description.errors import InvalidValueError, MotionError
-from g1_description.motion.motion import SINGLE_TIME, SNAP, Motion, sample
+from g1_description.motion.motion import (
+    SINGLE_TIME,
+    SNAP,
+    Motion,
+    MotionLike,
+    as_motion,
+    sample,
+)
 from g1_description.robot.description import Description
 from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.rotation import multiply, rotate, shorter_turn
@@ -75,7 +82,7 @@ def projected(pose: np.ndarray) -> np.ndarray:
 
 
 def joined(
-    motions: Sequence[Motion], blend: float = 0.0, follows: bool = True
+    motions: Sequence[MotionLike], blend: float = 0.0, follows: bool = True
 ) -> Motion:
     """Join motions, one after another.
 
@@ -97,8 +104,8 @@ def joined(
     """
     if not motions:
         raise InvalidValueError("There are no motions to join.")
-    whole = motions[0]
-    for number, other in enumerate(motions[1:], 2):
+    whole, *others = map(as_motion, motions)
+    for number, other in enumerate(others, 2):
         differ = {*whole.joint_names} ^ {*other.joint_names}
         if differ:
             raise MotionError(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol, Union
 
 import numpy as np
 
@@ -318,6 +319,32 @@ class Motion:
                     f"{listed(similar_first(name, own)) or 'none'}."
                 )
         return replace(self, joint_names=tuple(names.get(n, n) for n in own))
+
+
+class HasMotion(Protocol):
+    """A result with a motion, such as an ``IkPath`` or ``Keyframes``."""
+
+    @property
+    def motion(self) -> Motion:
+        """The motion."""
+
+
+MotionLike = Union[Motion, HasMotion]
+
+
+def as_motion(given: MotionLike) -> Motion:
+    """Return a motion, or that of a result.
+
+    Raises:
+        MotionError: If it is neither.
+    """
+    motion = getattr(given, "motion", given)
+    if not isinstance(motion, Motion):
+        raise MotionError(
+            "The motion must be a Motion, or a result that has one, such as an IkPath "
+            f"or Keyframes (got {str(given)[:80]})."
+        )
+    return motion
 
 
 def configuration(
