@@ -52,6 +52,8 @@ PUBLIC = {
 }
 """Where the public names are."""
 
+__all__ = [name for name in PUBLIC if name not in ("Client", "Stream")]  # need ROS
+
 
 def __getattr__(name: str) -> Any:
     """Import a public name.

@@ -338,7 +338,7 @@ class Robot:
     def ik(  # noqa: PLR0913  (its keywords are its documentation)
         self,
         targets: Mapping[str, Any],
-        start: JointValues | None = None,
+        start: str | JointValues | None = None,
         base: Any = None,
         *,
         fixed_links: Collection[str] | None = None,
@@ -363,8 +363,8 @@ class Robot:
                 their names, or by the names of roles and points in the profile, such
                 as ``left_hand`` and ``left_palm``.
             start: Positions at which the search begins, shape (n_joints,) or by joint,
-                clipped to the limits; the result is near them where targets leave a
-                choice. None: neutral ones.
+                clipped to the limits, or the name of a pose; the result is near them
+                where targets leave a choice. None: neutral ones.
             base: Pose of the base link in the world at the start, shape (7,).
             fixed_links: Names or roles of links that stay where they are at the start;
                 None: the profile's feet without targets.
@@ -417,7 +417,7 @@ class Robot:
         self,
         times: Any,
         targets: Mapping[str, Any],
-        start: JointValues | None = None,
+        start: str | JointValues | None = None,
         base: Any = None,
         *,
         fixed_links: Collection[str] | None = None,
@@ -442,7 +442,7 @@ class Robot:
             times: Times of the samples in [s], increasing, shape (n_samples,).
             targets: As for ``ik``, of each sample: shapes (n_samples, 7), (n_samples,
                 3), or a ``Target`` of such arrays; one for all samples; or a function
-                that returns a pose or position at a time in [s].
+                that returns a pose, position or ``Target`` at a time in [s].
             start: As for ``ik``: where the search for the first sample begins.
             base: As for ``ik``.
             fixed_links: As for ``ik``; they stay where they are at the start.
@@ -500,7 +500,7 @@ class Robot:
         self,
         times: Any,
         targets: Mapping[str, Any],
-        start: JointValues | None = None,
+        start: str | JointValues | None = None,
         base: Any = None,
         **options: Any,
     ) -> IkPath:
@@ -579,15 +579,22 @@ class Robot:
         return made
 
     def _start(
-        self, start: JointValues | None, base: Any
+        self, start: str | JointValues | None, base: Any
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the configuration at which inverse kinematics begins."""
-        begin = self.positions(self.neutral if start is None else start)
-        if begin.ndim != 1:
-            raise InvalidValueError(
-                f"The start must be a single configuration (got shape {begin.shape})."
-            )
+        begin = self._configuration(self.neutral if start is None else start)
         return begin, IDENTITY if base is None else one_pose(base)
+
+    def _configuration(self, given: str | JointValues) -> np.ndarray:
+        """Return a single configuration, given as positions or by its name."""
+        if isinstance(given, str):
+            return self.named_configuration(given)
+        found = self.positions(given)
+        if found.ndim != 1:
+            raise InvalidValueError(
+                f"Positions must be a single configuration (got shape {found.shape})."
+            )
+        return found
 
     @cached_property
     def _inverse(self) -> PathKinematics:
@@ -868,15 +875,7 @@ class Robot:
         """Return the positions of a pose by joint."""
         if pose is None:
             return None
-        if isinstance(pose, str):
-            pose = self.named_configuration(pose)
-        values = self.positions(pose)
-        if values.shape != (len(self.joint_names),):
-            raise InvalidValueError(
-                f"A pose must have the shape ({len(self.joint_names)},) (got "
-                f"{values.shape})."
-            )
-        return dict(zip(self.joint_names, values.tolist()))
+        return dict(zip(self.joint_names, self._configuration(pose).tolist()))
 
     def on_floor(self, motion: MotionLike) -> Motion:
         """Lift or lower a whole motion so that its lowest point is at z = 0 of the map.

@@ -24,3 +24,8 @@ def test_a_missing_module_is_told_with_what_to_do(name, missing, words):
     last = ended.stderr.strip().splitlines()[-1]
     assert f"g1_description.{name} needs {missing}" in last
     assert words in last
+
+
+def test_a_star_imports_all_that_needs_no_ros():
+    names = "import sys; sys.modules['rospy'] = None; from g1_description import *"
+    subprocess.run([sys.executable, "-c", f"{names}; Robot, Target, line"], check=True)

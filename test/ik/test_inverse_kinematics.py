@@ -423,7 +423,7 @@ def test_samples_that_are_too_fast_lag_and_catch_up():
             "left_rubber_hand is held, so it cannot have a target",
         ),
         ({"base_motion": "sideways"}, "must be one of free, planar, fixed .*sideways"),
-        ({"start": np.zeros((2, 29))}, "start must be a single configuration"),
+        ({"start": np.zeros((2, 29))}, "Positions must be a single configuration"),
         ({"limits": [3]}, "limits must be a list of objects"),
         ({"limits": [type("Half", (), {"approach": 0})()]}, "excess_message .*Half"),
         ({"limits": 3}, "limits must be a list of objects"),

@@ -127,11 +127,16 @@ def test_palms_hold_a_box_that_moves(g1):
             assert turned.apply(unit(np.array(palm.axis))) @ way > np.cos(ANGLE)
 
 
-def test_a_path_takes_one_value_for_all_samples_too(g1):
+@pytest.mark.parametrize("is_function", [False, True])
+def test_a_path_takes_one_value_for_all_samples_too(g1, is_function):
     times, look = np.linspace(0.0, 0.5, 6), np.linspace([2, -0.3, 0], [2, 0.3, 0], 6)
     hand = g1.link_poses(g1.named_configuration("stand"), BASE)["left_rubber_hand"]
-    targets = {"head": Target(look_at=look), "left_hand": hand}
-    path = g1.ik_trajectory(times, targets, g1.named_configuration("stand"), BASE)
+
+    def head(time):
+        return Target(look_at=look[np.searchsorted(times, time)], axis=[1.0, 0.0, 0.0])
+
+    targets = {"head": head if is_function else Target(look_at=look), "left_hand": hand}
+    path = g1.ik_trajectory(times, targets, "stand", BASE)
     assert path.reached
     for q, base, goal in zip(path.motion.positions, path.motion.base_poses, look):
         poses = g1.link_poses(q, base)

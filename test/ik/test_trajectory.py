@@ -153,8 +153,11 @@ def test_a_wrong_bound_is_refused(value):
     [
         ({"bounds": {"base_speed": 1.0}}, "bounds must be TrajectoryBounds"),
         ({"smooth": "no"}, "smooth must be True or False"),
-        ({"targets": {"head": lambda t: np.zeros(2)}}, "function of head must return"),
-        ({"targets": {"head": lambda t: np.zeros(3 + (t > 0.5))}}, "at each time"),
+        ({"targets": {"head": lambda t: np.zeros(2)}}, "target of head must be a pos"),
+        (
+            {"targets": {"head": lambda t: [0, 0, 1, 0, 0, 0, 1][: 3 if t else 7]}},
+            "targets of head must have a rotation at all times, or at none",
+        ),
         ({"balance": "zmp", "smooth": False}, "is for smooth trajectories"),
         ({"times": [0.0, 2000.0]}, "lasts from 0.001 to 300 s .got 2000."),
         ({"targets": {3: np.ones(3)}}, "by the names of links .got 3"),

@@ -18,6 +18,7 @@ from g1_description.ik.inverse_kinematics import (
 from g1_description.ik.limits import Course, TrajectoryBounds, limit_name
 from g1_description.ik.sampled import Problem
 from g1_description.ik.solver import TOLERANCE, Linearization, descend, last, search
+from g1_description.ik.targets import as_target, of_samples
 from g1_description.ik.tasks import LinkTask
 from g1_description.ik.trajectory import Candidate, Trajectory
 from g1_description.motion.motion import Motion
@@ -31,9 +32,6 @@ PATH_STEPS = 20
 
 KINDS_OF_BOUNDS = ("limit", "largest velocity", "largest acceleration")
 """Names of bounds by their order."""
-
-FORMS = (3,), (7,)
-"""Shapes of positions and poses."""
 
 MAX_WEIGHT = 10.0
 """Largest weight of a target: a tenth of that of fixed links."""
@@ -265,11 +263,6 @@ def _at(times: np.ndarray, targets: Mapping[str, Any]) -> Mapping[str, Any]:
     found = dict(targets)
     for name, given in targets.items():
         if callable(given):
-            rows = [np.asarray(given(float(time))) for time in times]
-            if len({row.shape for row in rows}) > 1 or rows[0].shape not in FORMS:
-                raise InvalidValueError(
-                    f"The function of {name} must return a position x y z, or a pose x "
-                    f"y z and quaternion x y z w, at each time (got {rows[-1]})."
-                )
-            found[name] = np.array(rows)
+            rows = [as_target(name, given(float(time))) for time in times]
+            found[name] = of_samples(name, rows)
     return found

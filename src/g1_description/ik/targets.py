@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -35,6 +35,9 @@ FORMS = {
     "point": (3, "x y z in its frame"),
 }
 """Lengths and forms of the fields of a target."""
+
+OF_LINK = "axis", "point"
+"""Fields that do not change from sample to sample."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,6 +123,26 @@ def as_target(name: str, given: Any) -> Target:
         f"The target of {name} must be a position x y z, a pose x y z and quaternion "
         f"x y z w, or a Target (got {str(given)[:80]})."
     )
+
+
+def of_samples(name: str, targets: Sequence[Target]) -> Target:
+    """Put the targets of samples together; an axis and a point are the same in all.
+
+    Raises:
+        InvalidValueError: If some have a field, and others do not.
+    """
+    fields: dict[str, Any] = {}
+    for form in FORMS:
+        values = [getattr(target, form) for target in targets]
+        given = [value for value in values if value is not None]
+        if 0 < len(given) < len(values):
+            raise InvalidValueError(
+                f"The targets of {name} must have a {form} at all times, or at none."
+            )
+        is_one = all(np.array_equal(given[0], value) for value in given)
+        if given:
+            fields[form] = given[0] if is_one and form in OF_LINK else given
+    return Target(**fields)
 
 
 def read_task(
@@ -247,7 +270,7 @@ def _read(form: str, name: str, given: Any, times: np.ndarray | None) -> np.ndar
     label = f"The {'quaternion' if form == 'rotation' else form} of {name}"
     if numbers.shape[-1:] != (width,):
         raise InvalidValueError(f"{label} must be {text} (got {str(given)[:80]}).")
-    samples = () if times is None or form in ("axis", "point") else times.shape
+    samples = () if times is None or form in OF_LINK else times.shape
     if numbers.shape[:-1] not in ((), samples):
         if samples and numbers.ndim == 2:
             raise InvalidValueError(
