@@ -117,7 +117,7 @@ def test_a_foot_is_moved_by_itself_or_let_go(posing):
     np.testing.assert_allclose(found, before[LEFT][:3] + way, rtol=0, atol=1e-3)
     assert_stays(posing, RIGHT, before[RIGHT])
     posing.end_drag()
-    posing.held = set()
+    posing.fixed_links = set()
     posing.pull("right_hand", [0.0, -0.8, 0.0])
     assert np.abs(posing.places()[RIGHT] - before[RIGHT]).max() > 1e-3
 

@@ -262,7 +262,7 @@ def test_a_base_on_the_world_never_moves():
     assert result.errors["cart"].position == pytest.approx(5.0)
 
 
-def test_a_foot_with_a_target_is_not_held(g1):
+def test_a_foot_with_a_target_is_not_fixed(g1):
     start = g1.named_configuration("stand")
     foot = g1.link_poses(start, BASE)["left_ankle_roll_link"].copy()
     foot[:3] += [0.1, 0.05, 0.1]
@@ -420,7 +420,7 @@ def test_samples_that_are_too_fast_lag_and_catch_up():
         ),
         (
             {"targets": {"left_hand": [0, 0, 1]}, "fixed_links": ["left_rubber_hand"]},
-            "left_rubber_hand is held, so it cannot have a target",
+            "left_rubber_hand is a fixed link, so it cannot have a target",
         ),
         ({"base_motion": "sideways"}, "must be one of free, planar, fixed .*sideways"),
         ({"start": np.zeros((2, 29))}, "Positions must be a single configuration"),

@@ -64,18 +64,18 @@ def test_a_robot_that_hangs_below_the_map_is_dragged(g1):
     assert one.drag("left_hand", hand).reached
 
 
-@pytest.mark.parametrize("is_held", [True, False])
-def test_any_link_can_be_held(posing, is_held):
+@pytest.mark.parametrize("is_fixed", [True, False])
+def test_any_link_can_be_fixed(posing, is_fixed):
     before = posing.places()[OTHER_HAND]
-    posing.held |= {"right_hand"} if is_held else set()
+    posing.fixed_links |= {"right_hand"} if is_fixed else set()
     assert lowered(posing).reached
     stays = np.abs(posing.places()[OTHER_HAND] - before).max() < 1e-3
-    assert stays == is_held
+    assert stays == is_fixed
 
 
-def test_a_held_hand_alone_supports_nothing(posing):
-    """Balance needs feet that are held; else it is not kept, and nothing is refused."""
-    posing.held = {"right_hand"}
+def test_a_fixed_hand_alone_supports_nothing(posing):
+    """Balance needs fixed feet; else it is not kept, and nothing is refused."""
+    posing.fixed_links = {"right_hand"}
     before = posing.places()[OTHER_HAND]
     assert lowered(posing).reached
     np.testing.assert_allclose(posing.places()[OTHER_HAND], before, atol=1e-3)

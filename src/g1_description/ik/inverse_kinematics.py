@@ -101,7 +101,7 @@ class IkOptions:
     """Height in [m] below which no link gets, except fixed ones; None: no floor."""
 
     base_motion: str | None = None
-    """How the base moves, one of ``BASES``; None: freely if a link is held or a foot
+    """How the base moves, one of ``BASES``; None: freely if a link is fixed or a foot
     has a target, else not at all. A base that the robot's file fixes to the world never
     moves."""
 
@@ -235,7 +235,7 @@ class InverseKinematics:
             options: Conditions on the configuration.
             starts: Most starts; 1: only the given one.
             begin: Positions and base at which the search begins; None: the start, which
-                is where links are held, and the posture to prefer, in any case.
+                is where links are fixed, and the posture to prefer, in any case.
 
         Raises:
             UnknownNameError: If a link is unknown.
@@ -288,11 +288,11 @@ class InverseKinematics:
     ) -> tuple[dict[str, LinkTask], IkConstraints]:
         """Find all tasks by name, of targets and of fixed links, and the bounds."""
         poses = self._solver.kinematics.link_poses(*start)
-        held = self._held(options.fixed_links, moved)
-        stands = held or any(task.link in self._feet for task in moved.values())
+        fixed = self._fixed(options.fixed_links, moved)
+        stands = fixed or any(task.link in self._feet for task in moved.values())
         stays = {
             name: LinkTask(row, poses[row], HARD * POSE_WEIGHTS)
-            for name, row in held.items()
+            for name, row in fixed.items()
         }
         base_motion = options.base_motion
         if base_motion is None:
@@ -326,7 +326,7 @@ class InverseKinematics:
             )
         floor = _height(options.floor, start)
         if floor is not None:
-            limits.append(FloorLimit(self._parts, floor, held.values()))
+            limits.append(FloorLimit(self._parts, floor, fixed.values()))
         if options.avoid_collisions:
             limits.append(self._distance_limit)
         if around:
@@ -374,17 +374,19 @@ class InverseKinematics:
             raise UnknownNameError(f"Unknown link '{name}'. Known links: {known}.")
         return self.links.index(link)
 
-    def _held(
-        self, hold: Collection[str] | None, moved: Mapping[str, LinkTask]
+    def _fixed(
+        self, given: Collection[str] | None, moved: Mapping[str, LinkTask]
     ) -> dict[str, int]:
-        """Find the links that stay; those with a target do not."""
+        """Find the fixed links, which have no target."""
         feet = [role for role in FEET if role in self._roles]
-        names = feet if hold is None else _names(hold)
+        names = feet if given is None else _names(given)
         targets = {task.link for task in moved.values()}
         rows = {name: self._row(name) for name in names}
         both = [name for name, row in rows.items() if row in targets]
-        if both and hold is not None:
-            raise InvalidValueError(f"{both[0]} is held, so it cannot have a target.")
+        if both and given is not None:
+            raise InvalidValueError(
+                f"{both[0]} is a fixed link, so it cannot have a target."
+            )
         return {name: row for name, row in rows.items() if row not in targets}
 
     def _tasks(

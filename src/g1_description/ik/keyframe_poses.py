@@ -158,7 +158,7 @@ def keyframes_at(
             f"Each of the {len(given)} keyframes needs a time (got times of shape "
             f"{stamps.shape})."
         )
-    links = links_that_stay(robot, fixed_links)
+    links = fixed_link_names(robot, fixed_links)
     frames: list[Keyframe] = []
     for number, (time, entry) in enumerate(zip(stamps.tolist(), given), 1):
         try:
@@ -222,8 +222,8 @@ def _standing(
     return compose(compose(place, inverse(now)), base)
 
 
-def links_that_stay(robot: Description, given: Collection[str] | None) -> list[str]:
-    """Find the links that stay, given by name or role; None: the profile's feet.
+def fixed_link_names(robot: Description, given: Collection[str] | None) -> list[str]:
+    """Find the fixed links, given by name or role; None: the profile's feet.
 
     Raises:
         UnknownNameError: If a link is unknown.

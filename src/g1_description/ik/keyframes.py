@@ -13,7 +13,7 @@ from g1_description.ik.keyframe_poses import (
     STOP,
     Keyframe,
     Keyframes,
-    links_that_stay,
+    fixed_link_names,
 )
 from g1_description.ik.limits import TrajectoryBounds
 from g1_description.ik.solver import TOLERANCE
@@ -137,7 +137,7 @@ class _Between:
         poses = Kinematics(robot).link_poses(roots, self.positions)
         self._fixed = {
             link: poses[:, links.index(link)]
-            for link in links_that_stay(robot, fixed_links)
+            for link in fixed_link_names(robot, fixed_links)
         }
 
     def motion(self, counts: np.ndarray) -> Generator[None, None, Motion]:

@@ -88,7 +88,7 @@ class Posing:
         origins: links of one body may have one origin."""
         self.feet = tuple(foot for foot in FEET if foot in self.roles)
         """Roles of the feet."""
-        self.held = {*self.feet}
+        self.fixed_links = {*self.feet}
         """Roles of the links that stay."""
         self.balance = True
         """Whether the centre of mass stays above the feet that stay."""
@@ -113,7 +113,7 @@ class Posing:
     @property
     def stands(self) -> bool:
         """Whether a foot stays, above which the robot can balance."""
-        return not self.held.isdisjoint(self.feet)
+        return not self.fixed_links.isdisjoint(self.feet)
 
     @property
     def standing_pose(self) -> str:
@@ -200,10 +200,10 @@ class Posing:
             lowest = lowest_height(self._description, self._as_motion(self._begin))
             self._floor = min(0.0, lowest)
         link = self.roles.get(name, name)
-        held = [role for role in self.held if self.roles[role] != link]
+        fixed = [role for role in self.fixed_links if self.roles[role] != link]
         options = IkOptions(
-            fixed_links=held,
-            balance=self.balance and any(role in self.feet for role in held),
+            fixed_links=fixed,
+            balance=self.balance and any(role in self.feet for role in fixed),
             avoid_collisions=self.avoid_collisions and self.is_prepared,
             floor=self._floor,
             base_motion="free",

@@ -292,7 +292,7 @@ def descend(
 ) -> Iterator[Found]:
     """Step from one configuration until nothing improves.
 
-    The cost may rise for some steps: links that are held move on an arc at first.
+    The cost may rise for some steps: fixed links move on an arc at first.
 
     Args:
         solver: Solver of the robot.

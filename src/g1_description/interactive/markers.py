@@ -271,7 +271,7 @@ class InteractiveMarkers:
             state = menu.CHECKED if is_on else menu.UNCHECKED
             menu.setCheckState(add(title, act), state)
 
-        add_switch("Lock", partial(self._lock, role), role in posing.held)
+        add_switch("Lock", partial(self._lock, role), role in posing.fixed_links)
         balance = "Balance" if posing.stands else "Balance (lock a foot first)"
         add_switch(balance, partial(self._switch, "balance"), posing.balance)
         add_switch("Avoid collisions", self._switch_collisions, posing.avoid_collisions)
@@ -295,7 +295,7 @@ class InteractiveMarkers:
 
     def _lock(self, role: str) -> None:
         """Let a link stay, or no longer."""
-        self._posing.held ^= {role}
+        self._posing.fixed_links ^= {role}
 
     def _switch(self, name: str) -> None:
         """Turn a switch of the posing on or off."""

@@ -159,7 +159,9 @@ class ReachPanel(RobotPanel):
 
     def _choose(self) -> None:
         """Take the switches over."""
-        self.posing.held = {foot for foot, box in self._stay.items() if box.value}
+        self.posing.fixed_links = {
+            foot for foot, box in self._stay.items() if box.value
+        }
         self.posing.balance = bool(self._balance.value)
         self._balance.disabled = not self.posing.stands
         self.posing.avoid_collisions = bool(self._avoid.value)
