@@ -5,8 +5,10 @@ import struct
 
 import numpy as np
 import pytest
+from g1_description.msg import MotorCommands
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sensor_msgs.msg import JointState
 
 from g1_description.errors import WireFormatError
 from g1_description.robot.state import RobotState
@@ -190,7 +192,6 @@ def test_what_is_wrong_is_told(data, words):
 
 
 def test_joint_states_are_counted_and_those_of_the_message_class():
-    sensor_msgs = pytest.importorskip("sensor_msgs.msg")
     encoder, names = JointStateEncoder(), ("elbow", "schultergelenk_ä")
     for number, joints in enumerate((names, names, ("elbow",), ()), 1):
         stamp = 10**10 * number + 7
@@ -199,9 +200,7 @@ def test_joint_states_are_counted_and_those_of_the_message_class():
         encoder.encode(RobotState(stamp, joints, positions, velocities)).serialize(
             written
         )
-        message = sensor_msgs.JointState(
-            name=joints, position=positions, velocity=velocities
-        )
+        message = JointState(name=joints, position=positions, velocity=velocities)
         message.header.seq = number
         message.header.stamp.secs, message.header.stamp.nsecs = 10 * number, 7
         message.serialize(wanted)
@@ -209,10 +208,9 @@ def test_joint_states_are_counted_and_those_of_the_message_class():
 
 
 def test_commands_to_motors_are_those_of_the_message_class():
-    messages = pytest.importorskip("g1_description.msg")
     both = (["elbow", "gelenk_ä"], [0.5, -1.0]), (["elbow", "gelenk_ä"], [])
     for names, numbers in (*both, both[0], (["knee"], [2.0]), ([], [])):
-        given = messages.MotorCommands("g1", names, numbers, [], numbers, [], numbers)
+        given = MotorCommands("g1", names, numbers, [], numbers, [], numbers)
         written = io.BytesIO()
         given.serialize(written)
         read = MotorCommandsArrays().deserialize(written.getvalue())
