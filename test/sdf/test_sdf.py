@@ -322,6 +322,52 @@ def test_a_shape_rubs_and_bounces_as_the_file_says():
     assert (shape.friction, shape.restitution) == (0.75, 0.5)
 
 
+@pytest.mark.parametrize(
+    ("inside", "color"),
+    [
+        ("", None),
+        ("<material><ambient>1 0 0 1</ambient></material>", (1, 0, 0, 1)),
+        (
+            "<material><ambient>1 0 0 1</ambient><diffuse>0 1 0</diffuse></material>",
+            (0, 1, 0, 1),
+        ),
+        ("<transparency>0.25</transparency>", (0.7, 0.7, 0.7, 0.75)),
+        (
+            "<material><script><uri>u</uri><name>Gazebo/BlueTransparent</name>"
+            "</script></material><transparency>0.5</transparency>",
+            (0, 0, 1, 0.25),
+        ),
+        ("<material><script><name>Own/Red</name></script></material>", None),
+    ],
+)
+def test_a_visual_is_drawn_as_gazebo_does(inside, color):
+    model = read_model(link("a", collision("<box/>", inside, "visual")))
+    (only,) = model.assembly.description.links
+    (shape,) = only.visuals
+    assert (shape.kind, shape.size, only.collisions) == ("box", (1, 1, 1), ())
+    assert shape.color == (color if color is None else pytest.approx(color))
+    assert not model.assembly.left_out
+
+
+@pytest.mark.parametrize(
+    ("geometry", "inside", "message"),
+    [
+        ("<polyline/>", "", "Its shape polyline is not supported"),
+        ("<mesh><uri>u</uri><submesh/></mesh>", "", "A submesh is not supported"),
+        ("<sphere><radius>x</radius></sphere>", "", "must be a number"),
+        ("<box/>", "<material><diffuse>1</diffuse></material>", "must have 3 numbers"),
+        ("<box/>", "<transparency>1</transparency>", ""),
+    ],
+)
+def test_a_wrong_visual_is_left_out_of_its_link(geometry, inside, message):
+    visuals = collision(geometry, inside, "visual") + collision("<box/>", "", "visual")
+    assembly = read_model(link("a", visuals)).assembly
+    (only,) = assembly.description.links
+    assert [shape.kind for shape in only.visuals] == ["box"]
+    assert len(assembly.left_out) == bool(message)
+    assert message in " ".join(assembly.left_out)
+
+
 def test_the_filename_of_a_mesh_in_version_1_3_is_its_uri():
     inside = collision("<mesh><filename>a/b.stl</filename></mesh>")
     text = sdf(model(link("a", inside)), "1.3")

@@ -1,4 +1,4 @@
-"""Links of an SDF model: inertials and collisions. Visuals are not read."""
+"""Links of an SDF model: inertials, collisions and visuals; and lights."""
 
 from __future__ import annotations
 
@@ -21,39 +21,38 @@ from g1_description.robot.xml_values import (
     numbers,
     optional,
     text_of,
-    unit,
     vector,
 )
 from g1_description.sdf.frames import Scope
-
-_SIZES = {
-    "box": {"size": [1.0, 1.0, 1.0]},
-    "sphere": {"radius": [1.0]},
-    "cylinder": {"radius": [1.0], "length": [1.0]},
-    "capsule": {"radius": [0.5], "length": [1.0]},
-}
-"""Kinds of shapes, the elements of their sizes, and their defaults."""
+from g1_description.sdf.geometry import read_size
+from g1_description.sdf.visuals import read_visuals
 
 _TENSOR = {"ixx": 1.0, "ixy": 0.0, "ixz": 0.0, "iyy": 1.0, "iyz": 0.0, "izz": 1.0}
 
 
-def read_link(element: etree._Element, scope: Scope) -> Link:
+def read_link(element: etree._Element, scope: Scope) -> tuple[Link, tuple[str, ...]]:
     """Read a link element.
 
     Args:
         element: The link.
         scope: The model that holds it.
 
+    Returns:
+        The link, and messages on ignored visuals.
+
     Raises:
         DescriptionError: If a number, a name or a frame is invalid.
     """
     name = scope.full(name_of(element))
-    return Link(
+    visuals, ignored = read_visuals(element, name, scope)
+    link = Link(
         name=name,
         inertial=_inertial(element.find("inertial"), name, scope),
+        visuals=visuals,
         collisions=tuple(_shapes(element, name, scope)),
         gravity=flag(element, "gravity", True, f"link {name}"),
     )
+    return link, ignored
 
 
 def drop_wrong_inertial(element: etree._Element, scope: Scope) -> str:
@@ -102,7 +101,7 @@ def _shapes(link: etree._Element, name: str, scope: Scope) -> Iterator[Shape]:
         restitution = optional(bounce, "restitution_coefficient", owner)
         pose = scope.pose_in(name, element, owner)
         for geometry in element.iterfind("geometry/*"):
-            size = _size(geometry, owner)
+            size = read_size(geometry, owner)
             if size is not None:
                 yield Shape(
                     kind=geometry.tag,
@@ -114,25 +113,6 @@ def _shapes(link: etree._Element, name: str, scope: Scope) -> Iterator[Shape]:
                     restitution=restitution,
                 )
                 break
-
-
-def _size(geometry: etree._Element, owner: str) -> tuple[float, ...] | None:
-    """Read the size of a shape; None if it is not supported."""
-    kind = geometry.tag
-    if kind == "plane":
-        normal = vector(geometry, "normal", [0.0, 0.0, 1.0], owner)
-        return tuple(unit(f"normal of {owner}", normal).tolist())
-    if kind == "mesh":
-        if not text_of(geometry, "uri"):
-            raise DescriptionError(f"The mesh of {owner} has no uri.")
-        return tuple(vector(geometry, "scale", [1.0, 1.0, 1.0], owner).tolist())
-    if kind not in _SIZES:
-        return None
-    return tuple(
-        value
-        for tag, default in _SIZES[kind].items()
-        for value in vector(geometry, tag, default, owner, 0.0).tolist()
-    )
 
 
 _LIGHTS = ("point", "directional", "spot")

@@ -267,7 +267,8 @@ def read_model_element(element: etree._Element, pose: np.ndarray) -> SdfModel:
         (link, scope) for scope, model in scopes for link in model.findall("link")
     ]
     wrong = [drop_wrong_inertial(*one) for one in elements] if static else []
-    links = tuple(read_link(*one) for one in elements)
+    read = [read_link(*one) for one in elements]
+    links = tuple(link for link, _ in read)
     _check_links(name, links, static)
     joints, odd = _joints(scopes, {link.name for link in links}, static)
     joints = hung([link.name for link in links], joints)
@@ -292,6 +293,7 @@ def read_model_element(element: etree._Element, pose: np.ndarray) -> SdfModel:
         left_out=(
             *unread(element),
             *filter(None, wrong),
+            *(message for _, ignored in read for message in ignored),
             *odd,
             *_static_inside(scopes, static),
         ),
