@@ -19,7 +19,7 @@ _g1_description_poses() {
 # motion, and the links of the doctor; tools/tables writes them.
 declare -gA _g1_description_options
 # table of commands
-_g1_description_options[check]="--against --all --collisions --csv --dask --engine --fixed-base --format --fps --help --html --input-joint-order --jobs --json --model --motors --no-visual-hulls --only --order --physics --plot --quiet --selection --shift --thresholds --topic --watch --write-selection"
+_g1_description_options[check]="--against --all --collisions --csv --dask --engine --fixed-base --format --fps --help --html --input-joint-order --jobs --json --model --motors --no-visual-hulls --only --order --physics --plot --quiet --scene --selection --shift --thresholds --topic --watch --write-selection"
 _g1_description_options[collision_pairs]="--help --out --samples --seed"
 _g1_description_options[doctor]="--help --json --namespace --until"
 _g1_description_options[import_model]="--convex-collisions --decimate --force --help --keep-missing --out --tolerance"
@@ -28,7 +28,7 @@ _g1_description_options[moveit_config]="--force --help --model --scene"
 _g1_description_options[play]="--anchor --base-frame --format --fps --from --help --lead-in --loop --namespace --on-floor --order --speed --start-here --topic --until"
 _g1_description_options[pose]="--about --anchor --file --force --help --list --model --namespace --save --seconds"
 _g1_description_options[record]="--force --gazebo --help --last --model --namespace --rate --seconds"
-_g1_description_options[snapshot]="--fps --gif --help --joints --model --motion --motion-format --motion-fps --motion-order --motion-topic --namespace --seconds --size --time --view"
+_g1_description_options[snapshot]="--fps --gif --help --joints --model --motion --motion-format --motion-fps --motion-order --motion-topic --namespace --scene --seconds --size --time --view"
 _g1_description_options[web]="--collisions --compare --format --fps --help --host --model --motion --order --port --read-only --report --scene --selection --thresholds --topic"
 _g1_description_flags=" --all --convex-collisions --fastest --fixed-base --force --gif --json --keep-missing --list --loop --no-visual-hulls --on-floor --physics --quiet --read-only --start-here --stay --watch "
 _g1_description_files=" --against --collisions --compare --csv --file --html --json --model --motion --motors --out --plot --report --scene --selection --thresholds --write-selection "

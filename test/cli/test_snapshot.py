@@ -159,6 +159,19 @@ def test_a_picture_shows_a_motion_of_the_g1_at_one_time(tmp_path, snapshot, caps
         assert capsys.readouterr().out == f"{out}: 120x160, front\n"
         pictures.append(np.array(Image.open(out)).astype(int))
     first, begin, end = pictures
+    scene = tmp_path / "scene.yaml"
+    scene.write_text(
+        "spheres: {ball: {radius: 0.2, at: [0.3, 0, 1], color: [1, 0, 0]}}\n"
+        "attach: {ball: {link: torso}}\n"
+    )
+    around = ("--scene", scene, "--size", "120x160", "--view", "front")
+    reds = []
+    for time in ("0", "1"):
+        snapshot(out, "--motion", MOTION, "--time", time, *around)
+        red, green, blue = np.moveaxis(np.array(Image.open(out)).astype(int), 2, 0)
+        reds.append((red > 2 * green + 20) & (red > 2 * blue + 20))
+    assert min(seen.sum() for seen in reds) > 50
+    assert (reds[0] != reds[1]).any()  # it walks with the robot
     np.testing.assert_array_equal(first, begin)
     assert (np.abs(begin - end).max(axis=2) > 30).sum() > 50
 

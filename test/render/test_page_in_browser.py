@@ -20,6 +20,8 @@ from g1_description.render.page import motion_page, write_page
 from g1_description.render.page_data import motion_data
 from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.load import read_description
+from g1_description.scenes.carried import holds_of, motion_links, object_poses
+from g1_description.scenes.scene import Scene
 
 pytestmark = [
     pytest.mark.slow,
@@ -126,6 +128,24 @@ def test_links_are_drawn_where_they_are(page, robot, faulty):
     motion, _ = faulty
     for time in (0.0, 0.81, 1.7, 2.8, 5.0833, 8.0):
         compare_poses(page, robot.description, motion, time)
+
+
+def test_objects_are_drawn_where_they_are_and_carried(opened, robot, faulty):
+    scene = Scene()
+    scene.box("shelf", [0.4, 0.6, 0.03], [0.6, 0.0, 0.7], color=[0.1, 0.2, 0.9])
+    scene.sphere("ball", 0.1, [0.3, 0.2, 0.8])
+    scene.plane("wall", [-1.0, 0.0, 0.0], [1.0, 0.0, 0.0])
+    scene.attach("ball", "left_hand", 1.0, 5.0)
+    motion, verdict = faulty
+    page = opened(motion_page(robot.description, motion, verdict, "a", scene))
+    links = motion_links(robot.description, motion)
+    holds = holds_of(scene.values(), robot.description, links)
+    for time in (0.0, 0.81, 1.7, 2.8, 5.0833, 8.0):
+        matrices(page, [], time)
+        read = page.raw.evaluate("viewer.scene.matrices.slice(-3)")
+        drawn = np.array(read).reshape(-1, 4, 4).swapaxes(1, 2)
+        poses = object_poses(holds, np.array([time]), links)[0]
+        assert np.abs(drawn - as_matrices(poses)).max() < 1e-4
 
 
 def test_joints_of_all_kinds_move_and_turn_between_samples(opened):

@@ -49,6 +49,8 @@ from g1_description.motion.files.source import ReadOptions
 from g1_description.motion.paths import split
 from g1_description.motion.selection import Selection
 from g1_description.render.page_data import motion_data
+from g1_description.scenes.objects import SceneObject
+from g1_description.scenes.scene import Scene
 
 
 def notify(text: str) -> None:
@@ -100,7 +102,7 @@ def check(args: CheckOptions, checker: FileChecker | None = None) -> int:
             is_interrupted = isinstance(error, KeyboardInterrupt)
     robot = checker.checker.description
     n_missing = len(files.tasks) - len(outcomes)
-    reports.write(outcomes, n_missing, robot)
+    reports.write(outcomes, n_missing, robot, objects_of(args) if args.html else [])
     for problem in reports.problems:
         notify(problem)
     done = [outcomes[number] for number in sorted(outcomes)]
@@ -185,7 +187,7 @@ def file_checker(args: CheckOptions) -> FileChecker:
     if args.plot:  # where matplotlib is missing, nothing is checked in vain
         import g1_description.checks.plot  # noqa: F401
     robot = Robot(args.model, args.motors, args.collisions)
-    description = robot.description
+    description, around = robot.description, objects_of(args)
     return FileChecker(
         robot.checker(
             args.thresholds,
@@ -199,8 +201,17 @@ def file_checker(args: CheckOptions) -> FileChecker:
         ReadOptions(
             args.fps, args.topic, args.order, args.format, args.input_joint_order
         ),
-        scene=partial(motion_data, description) if args.html else None,
+        scene=partial(motion_data, description, objects=around) if args.html else None,
     )
+
+
+def objects_of(args: CheckOptions) -> list[SceneObject]:
+    """Read the objects around the robot.
+
+    Raises:
+        SceneError: If they cannot be read.
+    """
+    return [] if args.scene is None else [*Scene.read(args.scene).values()]
 
 
 def exit_code(outcomes: Collection[FileResult], named: Collection[str]) -> int:

@@ -84,6 +84,7 @@ class CheckOptions:
         shown="that of the robot's profile, or as in its URDF",
         see="[motors](motions.md#tracked-by-motors)",
     )
+    scene: Path | None = options.scene()
     collisions: Path | None = options.collisions()
     selection: Path | None = options.selection()
     write_selection: Path | None = option(

@@ -6,7 +6,7 @@ import json
 import os
 import sys
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -33,6 +33,7 @@ from g1_description.motion.paths import split
 from g1_description.motion.selection import EXCLUDE, UNDECIDED, Choice, Selection
 from g1_description.render.page import write_page
 from g1_description.robot.description import Description
+from g1_description.scenes.objects import SceneObject
 
 OTHER_PICTURES = (".jpg", ".jpeg", ".gif", ".svg", ".pdf")
 
@@ -113,7 +114,11 @@ class Reports:
                 write_text(str(self._motion(task.number)), outcome.scene)
 
     def write(
-        self, outcomes: Mapping[int, FileResult], not_done: int, robot: Description
+        self,
+        outcomes: Mapping[int, FileResult],
+        not_done: int,
+        robot: Description,
+        objects: Collection[SceneObject] = (),
     ) -> None:
         """Write the rest.
 
@@ -121,6 +126,7 @@ class Reports:
             outcomes: By the number of the file.
             not_done: Number of files that are not done.
             robot: The robot that the page draws.
+            objects: Those around it.
         """
         found = [outcomes[number] for number in sorted(outcomes)]
         if self._args.json:
@@ -134,7 +140,7 @@ class Reports:
         if self._args.html:
             with self._going_on(), whole_file(self._args.html) as part:
                 motions = [self._motion(number) for number in sorted(outcomes)]
-                write_page(part, robot, found, motions, not_done)
+                write_page(part, robot, found, motions, not_done, objects)
         if self._args.write_selection:
             with self._going_on():
                 self._select(self._args.write_selection, outcomes)

@@ -8,9 +8,9 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Callable, Dict, Iterator, Optional, Tuple
+from typing import Callable, Dict, Iterator, NamedTuple, Optional, Tuple
 
 import numpy as np
 from PIL import Image
@@ -19,9 +19,11 @@ from g1_description.cli.start import is_shut_down
 from g1_description.errors import InvalidValueError
 from g1_description.files.atomic import write_whole
 from g1_description.motion.motion import Motion, configuration
+from g1_description.render.camera import VIEWS, Camera, framing
+from g1_description.render.scene import Scene
 from g1_description.robot.assembly import root_in_base
 from g1_description.robot.description import Description
-from g1_description.robot.transform import compose, inverse
+from g1_description.robot.transform import IDENTITY, compose, inverse
 
 COLORS = 255
 """Colours of a GIF; one more marks unchanged pixels."""
@@ -175,6 +177,57 @@ def placed(
 ) -> PlacedRobot:
     """Place a robot by the pose of its base, shape (7,)."""
     return None if base is None else compose(base, root_in_base(robot)), positions
+
+
+class Moment(NamedTuple):
+    """Robots and objects in a picture."""
+
+    robots: Sequence[PlacedRobot]
+    objects: Mapping[str, np.ndarray] = {}
+    """T_map_object, shape (7,), by name."""
+
+
+def frame(
+    scene: Scene,
+    moments: Sequence[Moment],
+    view: str,
+    size: tuple[int, int],
+) -> tuple[Camera, float]:
+    """Place a camera that sees the robots at all times.
+
+    Args:
+        scene: The robots.
+        moments: All that is in each picture.
+        view: Name of the view.
+        size: Width and height of the picture in pixels.
+
+    Returns:
+        The camera, and the height of the floor in [m]: that of the map, or below the
+        robots if their poses are unknown.
+
+    Raises:
+        InvalidValueError: If there is nothing to see.
+    """
+    corners = []
+    for moment in moments:
+        place(scene, moment)
+        corners.append(scene.subject())
+    points = np.concatenate(corners)
+    if not points.size:
+        raise InvalidValueError(
+            "Nothing to draw: the robot has no visual shapes, or they cannot be read."
+        )
+    is_placed = any(root is not None for root, _ in moments[0].robots)
+    floor = 0.0 if is_placed else float(points[:, 2].min())
+    return framing(points, *VIEWS[view], size[0] / size[1]), floor
+
+
+def place(scene: Scene, moment: Moment) -> None:
+    """Place all robots and objects; without a base, a root is at the origin."""
+    for number, (root, positions) in enumerate(moment.robots):
+        scene.place(number, IDENTITY if root is None else root, positions)
+    if moment.objects:
+        scene.move(len(moment.robots), moment.objects)
 
 
 def motion_of(robot: Description, placed: PlacedRobot) -> Motion:

@@ -9,7 +9,7 @@ import argparse
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Sequence
+from typing import Collection, Sequence
 
 import numpy as np
 
@@ -17,13 +17,15 @@ from g1_description.choices import DEFAULT
 from g1_description.cli import options
 from g1_description.cli.film import (
     FILMS,
-    PlacedRobot,
+    Moment,
     check_length,
     check_place,
     count,
     drawn,
     film,
+    frame,
     motion_of,
+    place,
     placed,
     write_film,
     write_picture,
@@ -48,13 +50,17 @@ from g1_description.files.atomic import write_whole
 from g1_description.motion.files.formats import read_motion
 from g1_description.motion.files.source import ReadOptions
 from g1_description.motion.motion import Motion, configuration, sample
-from g1_description.render.camera import VIEWS, Camera, framing
+from g1_description.render.camera import VIEWS
 from g1_description.render.page import motion_page
-from g1_description.render.scene import Scene, draw
+from g1_description.render.scene import Scene as Picture
+from g1_description.render.scene import draw
 from g1_description.robot.description import Description
 from g1_description.robot.load import read_description
 from g1_description.robot.poses import check_limits
-from g1_description.robot.transform import IDENTITY
+from g1_description.scenes.carried import holds_of, motion_links, object_poses
+from g1_description.scenes.objects import SceneObject
+from g1_description.scenes.scene import Scene
+from g1_description.sim.standing import standing_base
 from g1_description.text import listed, similar_first
 
 SIDES = (16, 4096)
@@ -96,6 +102,7 @@ EXCLUDED = {
     "time": {ANIMATION, "a page", RUNNING, "--model"},
     "namespace": {"--model", "--motion"},
     "joints": {RUNNING},
+    "scene": {RUNNING},
     **dict.fromkeys(
         ("motion_fps", "motion_topic", "motion_order", "motion_format"),
         frozenset({RUNNING, "--model"}),
@@ -153,6 +160,7 @@ class SnapshotOptions:
     motion_topic: str | None = options.topic()
     motion_order: str | None = options.order()
     motion_format: str | None = options.file_format()
+    scene: Path | None = options.scene()
     time: float | None = option(
         "time of the motion that a picture shows [s]", None, number, shown="its begin"
     )
@@ -230,67 +238,31 @@ def check_joints(requested: dict[str, float], description: Description) -> None:
         check_limits("--joints", joints[name], position)
 
 
-def frame(
-    scene: Scene,
-    moments: Sequence[Sequence[PlacedRobot]],
-    view: str,
-    size: tuple[int, int],
-) -> tuple[Camera, float]:
-    """Place a camera that sees the robots at all times.
-
-    Args:
-        scene: The robots.
-        moments: All robots in each picture.
-        view: Name of the view.
-        size: Width and height of the picture in pixels.
-
-    Returns:
-        The camera, and the height of the floor in [m]: that of the map, or below the
-        robots if their poses are unknown.
-
-    Raises:
-        InvalidValueError: If there is nothing to see.
-    """
-    corners = []
-    for moment in moments:
-        place(scene, moment)
-        corners.append(scene.corners())
-    points = np.concatenate(corners)
-    if not points.size:
-        raise InvalidValueError(
-            "Nothing to draw: the robot has no visual shapes, or they cannot be read."
-        )
-    is_placed = any(root is not None for root, _ in moments[0])
-    floor = 0.0 if is_placed else float(points[:, 2].min())
-    return framing(points, *VIEWS[view], size[0] / size[1]), floor
-
-
-def place(scene: Scene, moment: Sequence[PlacedRobot]) -> None:
-    """Place all robots; without a known base, the root is at the origin."""
-    for robot, (root, positions) in enumerate(moment):
-        scene.place(robot, IDENTITY if root is None else root, positions)
-
-
 def draw_all(
     robots: Sequence[Description],
-    moments: Sequence[Sequence[PlacedRobot]],
+    moments: Sequence[Moment],
     args: SnapshotOptions,
+    objects: Collection[SceneObject] = (),
 ) -> None:
-    """Draw robots, and write a picture or an animation.
+    """Draw robots and objects, and write a picture or an animation.
 
     Args:
         robots: The robots.
         moments: All of them in each picture.
         args: The options.
+        objects: The objects.
 
     Raises:
         KeyboardInterrupt: If the node was shut down meanwhile; nothing is written.
     """
-    scene = Scene()
+    scene = Picture()
     for robot in robots:
         _, left_out = scene.add(robot)
         if left_out:
             notify(f"ignored in '{robot.name}': {'; '.join(left_out)}.")
+    _, left_out = scene.add_objects(objects)
+    if left_out:
+        notify(f"ignored in {args.scene}: {'; '.join(left_out)}.")
     camera, floor = frame(scene, moments, args.view, args.size)
 
     def picture(n: int) -> np.ndarray:
@@ -315,15 +287,24 @@ def draw_file(args: SnapshotOptions) -> None:
     Raises:
         G1DescriptionError: If a file cannot be read, or an option does not fit it.
     """
-    robot, motion = read_files(args)
-    found = sample(motion, _times(args, motion))
+    robot, motion, scene = read_files(args)
+    times = _times(args, motion)
+    found = sample(motion, times)
     bases = found.base_poses
-    rows = [dict(zip(motion.joint_names, row)) for row in found.positions.tolist()]
+    poses = np.zeros((len(times), 0, 7))
+    if scene:
+        links = motion_links(robot, motion)
+        poses = object_poses(holds_of(scene.values(), robot, links), times, links)
     moments = [
-        [placed(robot, None if bases is None else bases[number], row)]
-        for number, row in enumerate(rows)
+        Moment(
+            [placed(robot, None if bases is None else bases[number], row)],
+            dict(zip(scene, poses[number])),
+        )
+        for number, row in enumerate(
+            dict(zip(motion.joint_names, row)) for row in found.positions.tolist()
+        )
     ]
-    draw_all([robot], moments, args)
+    draw_all([robot], moments, args, [*scene.values()])
 
 
 def write_page(args: SnapshotOptions) -> None:
@@ -333,20 +314,24 @@ def write_page(args: SnapshotOptions) -> None:
         G1DescriptionError: As for ``draw_file`` and ``watch_now``.
     """
     if args.model or args.motion:
-        robot, motion = read_files(args)
+        robot, motion, scene = read_files(args)
     else:
         robots, moments = watch_now(args)
-        robot, motion = robots[0], motion_of(robots[0], moments[0][0])
+        robot, motion = robots[0], motion_of(robots[0], moments[0].robots[0])
+        scene = Scene()
     name = args.motion.name if args.motion else robot.name
-    text = motion_page(robot, motion, name=name)
+    text = motion_page(robot, motion, name=name, scene=scene)
     # File names may contain bytes that are not text.
     write_whole(args.out, text.encode("utf-8", "backslashreplace"))
     n = len(motion.times)
     print(f"{args.out}: {n} samples" if n > 1 else f"{args.out}: one configuration")
 
 
-def read_files(args: SnapshotOptions) -> tuple[Description, Motion]:
-    """Read a robot and its motion; without one, its zero pose is the only sample.
+def read_files(args: SnapshotOptions) -> tuple[Description, Motion, Scene]:
+    """Read a robot, its motion and its scene.
+
+    Without a motion, the robot's zero pose is the only sample. In a scene, a robot
+    without poses of its base stands on the floor as in the first sample.
 
     Raises:
         G1DescriptionError: If a file cannot be read, or an option does not fit it.
@@ -354,15 +339,27 @@ def read_files(args: SnapshotOptions) -> tuple[Description, Motion]:
     robot = read_description(args.model or DEFAULT)
     check_joints(args.joints, robot)
     zero = dict.fromkeys([joint.name for joint in robot.movable_joints], 0.0)
+    scene = Scene() if args.scene is None else Scene.read(args.scene)
     if not args.motion:
-        return robot, configuration({**zero, **args.joints}, None)
+        motion = configuration({**zero, **args.joints}, None)
+        return robot, _standing(robot, motion) if scene else motion, scene
     options = ReadOptions(
         args.motion_fps, args.motion_topic, args.motion_order, args.motion_format
     )
     motion = read_motion(args.motion, robot, options)
     for note in motion.notes:
         notify(note)
-    return robot, with_joints(motion, args.joints)
+    motion = with_joints(motion, args.joints)
+    return robot, _standing(robot, motion) if scene else motion, scene
+
+
+def _standing(robot: Description, motion: Motion) -> Motion:
+    """Let a robot of a motion without poses of the base stand on the floor."""
+    if motion.base_poses is not None:
+        return motion
+    bent = dict(zip(motion.joint_names, motion.positions[0].tolist()))
+    bases = np.tile(standing_base(robot, bent), (len(motion.times), 1))
+    return replace(motion, base_poses=bases)
 
 
 def _times(args: SnapshotOptions, motion: Motion) -> np.ndarray:
@@ -396,7 +393,7 @@ def with_joints(motion: Motion, positions: dict[str, float]) -> Motion:
 
 def watch_now(
     args: SnapshotOptions,
-) -> tuple[list[Description], list[list[PlacedRobot]]]:
+) -> tuple[list[Description], list[Moment]]:
     """Sample the running robots, for the requested duration.
 
     Returns:
@@ -413,9 +410,10 @@ def watch_now(
             f"Running robots need ROS (there is no {error.name}); --motion FILE or "
             "--model FILE draws without it."
         ) from error
-    return watch(
+    robots, moments = watch(
         args.namespace, (args.seconds, args.fps) if args.is_film else None, notify
     )
+    return robots, [Moment(moment) for moment in moments]
 
 
 def main() -> None:

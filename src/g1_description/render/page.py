@@ -6,7 +6,7 @@ there without JavaScript; scripts draw the robot, the time line and plots.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from html import escape
 from pathlib import Path
 
@@ -24,6 +24,7 @@ from g1_description.checks.verdict import (
 from g1_description.motion.motion import Motion, fitted
 from g1_description.render.page_data import motion_data, robot_data
 from g1_description.robot.description import Description
+from g1_description.scenes.objects import SceneObject
 
 BROWSER = Path(__file__).with_name("browser")
 SCRIPTS = ("motion.js", "scene.js", "chart.js", "viewer.js")
@@ -48,6 +49,7 @@ def motion_page(
     motion: Motion,
     verdict: Verdict | None = None,
     name: str = "",
+    scene: Mapping[str, SceneObject] | None = None,
 ) -> str:
     """Write a page on a motion.
 
@@ -58,6 +60,7 @@ def motion_page(
         verdict: Its verdict, with its measurements for their plots; None: it was not
             checked.
         name: Name of the motion; empty: its own name, or that of the robot.
+        scene: Objects around the robot; None: none.
 
     Returns:
         HTML. Names may contain bytes that are not text, so it is to be encoded with
@@ -68,7 +71,8 @@ def motion_page(
     """
     motion = fitted(motion, description)
     title = name or motion.name or description.name
-    robot, notes = robot_data(description)
+    objects = [*(scene or {}).values()]
+    robot, notes = robot_data(description, objects)
     table = ""
     if len(motion.times) == 1:
         unit = {joint.name: units(joint)[0] for joint in description.movable_joints}
@@ -77,7 +81,7 @@ def motion_page(
             for name, position in zip(motion.joint_names, motion.positions[0].tolist())
         ]
         table = f'<table class="joints">\n{"".join(rows)}</table>\n'
-    content = motion_data(description, motion, verdict)
+    content = motion_data(description, motion, verdict, objects)
     section = _section(FileResult(title, verdict), 0, content, notes, table)
     return "".join(_page(title, "", section, robot))
 
@@ -88,6 +92,7 @@ def write_page(
     outcomes: Sequence[FileResult],
     motions: Sequence[Path],
     not_done: int,
+    objects: Collection[SceneObject] = (),
 ) -> None:
     """Write a page on checked motions.
 
@@ -98,12 +103,13 @@ def write_page(
         motions: Files with ``motion_data`` of each outcome, missing if it could not be
             read. All may not fit into memory, so they are embedded one after another.
         not_done: Number of files that are not done.
+        objects: Those around the robot, as ``motion_data`` had them.
 
     Raises:
         OSError: If it cannot be written.
     """
     is_drawn = any(motion.is_file() for motion in motions)
-    robot, notes = robot_data(description) if is_drawn else ("", ())
+    robot, notes = robot_data(description, objects) if is_drawn else ("", ())
     is_single = len(outcomes) == 1 and not not_done
     title = outcomes[0].file if is_single else "Checks of motions"
     overview = "" if is_single else "".join(_overview(outcomes, not_done))

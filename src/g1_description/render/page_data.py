@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,11 +17,18 @@ from g1_description.checks.marks import short_name, size_text, subject_text
 from g1_description.checks.rules import RULES
 from g1_description.checks.verdict import FAILED, Finding, Verdict, worst_of
 from g1_description.motion.motion import Motion
-from g1_description.render.patches import Patch, link_patches
+from g1_description.render.patches import (
+    Patch,
+    link_patches,
+    object_shapes,
+    patches_of,
+)
 from g1_description.robot.assembly import root_in_base
 from g1_description.robot.description import Description, Joint, limb_of
-from g1_description.robot.transform import compose
+from g1_description.robot.transform import compose, inverse
 from g1_description.robot.tree import below
+from g1_description.scenes.carried import holds_of, motion_links
+from g1_description.scenes.objects import SceneObject
 
 MAX_TRIANGLES = 90_000
 """Triangles of a robot; more are decimated. They take 1 MB."""
@@ -42,11 +49,16 @@ def as_json(content: Any) -> str:
     return text.replace("<", "\\u003c")
 
 
-def robot_data(description: Description) -> tuple[str, tuple[str, ...]]:
+def robot_data(
+    description: Description, objects: Collection[SceneObject] = ()
+) -> tuple[str, tuple[str, ...]]:
     """Write a robot: links, joints, and triangles in the frames of links.
+
+    Objects count on from the links.
 
     Args:
         description: The robot. Without visual shapes its collision shapes are taken.
+        objects: Those around it.
 
     Returns:
         JSON, and a message for each mesh that cannot be used.
@@ -55,7 +67,7 @@ def robot_data(description: Description) -> tuple[str, tuple[str, ...]]:
     if not patches:
         patches, left_out = link_patches(description, solid=True)
     above = [*below(description.roots, description.joints)]
-    rows = {n: k for k, n in enumerate((*description.roots, *(j.child for j in above)))}
+    rows = _rows(description)
     numbers = {joint.name: k for k, joint in enumerate(description.movable_joints)}
     links: list[dict[str, Any]] = [{"name": name} for name in description.roots]
     links += [
@@ -67,18 +79,56 @@ def robot_data(description: Description) -> tuple[str, tuple[str, ...]]:
         }
         for joint in above
     ]
-    n_triangles = sum(len(patch.faces) for some in patches.values() for patch in some)
-    fraction = min(1.0, MAX_TRIANGLES / max(n_triangles, 1))
+    around, missing = patches_of(object_shapes(objects))
+    numbers_of = {each.name: len(rows) + k for k, each in enumerate(objects)}
     content = {
         "links": links,
         "joints": [_joint(joint, rows) for joint in description.movable_joints],
         "patches": [
-            {"link": rows[link], **_patch(patch, fraction)}
-            for link, some in patches.items()
-            for patch in some
+            *_patches(patches, rows),
+            *_patches(around, numbers_of),
         ],
     }
-    return as_json(content), left_out
+    return as_json(content), (*left_out, *missing)
+
+
+def _patches(
+    patches: Mapping[str, Sequence[Patch]], rows: Mapping[str, int]
+) -> Iterator[dict[str, Any]]:
+    """Write patches by name, with the rows of their links or objects."""
+    n_triangles = sum(len(patch.faces) for some in patches.values() for patch in some)
+    fraction = min(1.0, MAX_TRIANGLES / max(n_triangles, 1))
+    for name, some in patches.items():
+        for patch in some:
+            yield {"link": rows[name], **_patch(patch, fraction)}
+
+
+def _holds(
+    description: Description, motion: Motion, objects: Collection[SceneObject]
+) -> list[list[dict[str, Any]]]:
+    """Describe what holds objects: since when, which link, and where in its frame."""
+    rows = _rows(description)
+    T_root_base = inverse(root_in_base(description))  # of a motion without a base
+    links = motion_links(description, motion, T_root_base)
+    holds = holds_of(objects, description, links)
+    return [
+        [
+            {
+                "begin": max(hold.begin, motion.begin),
+                "link": rows.get(hold.link),
+                "pose": hold.pose.tolist(),
+            }
+            for hold in some
+        ]
+        for some in holds
+    ]
+
+
+def _rows(description: Description) -> dict[str, int]:
+    """Number the links: roots, then the others below them."""
+    above = below(description.roots, description.joints)
+    names = (*description.roots, *(joint.child for joint in above))
+    return {name: row for row, name in enumerate(names)}
 
 
 def _joint(joint: Joint, rows: dict[str, int]) -> dict[str, Any]:
@@ -125,7 +175,10 @@ def _patch(patch: Patch, fraction: float) -> dict[str, Any]:
 
 
 def motion_data(
-    description: Description, motion: Motion, verdict: Verdict | None = None
+    description: Description,
+    motion: Motion,
+    verdict: Verdict | None = None,
+    objects: Collection[SceneObject] = (),
 ) -> str:
     """Write a motion and its findings.
 
@@ -133,6 +186,7 @@ def motion_data(
         description: The robot.
         motion: Motion of joints that it has.
         verdict: Verdict of the motion; with its measurements these are there, too.
+        objects: Those around the robot, in the order of ``robot_data``.
 
     Returns:
         JSON.
@@ -154,6 +208,7 @@ def motion_data(
         "velocities": None if velocities is None else _encoded(velocities[some], "<f4"),
         "roots": roots,
         "floor": floor if roots is not None else None,
+        "holds": _holds(description, motion, objects) if objects else [],
         "causes": [],
         "contacts": [],
         "lines": [{"name": name, "unit": unit, **line} for name, unit, line in lines],

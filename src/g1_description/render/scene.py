@@ -1,20 +1,21 @@
-"""Pictures of robots: their visual shapes, placed by our kinematics, on a floor."""
+"""Pictures of robots and objects: their visual shapes, placed, on a floor."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from g1_description.render.camera import NEAREST, Camera, Crop, crop_around
-from g1_description.render.patches import GREY, shape_parts
+from g1_description.render.patches import GREY, object_shapes, shape_parts
 from g1_description.render.rasterizer import NOTHING, nearest, touching, weights
 from g1_description.robot.assembly import Assembly
-from g1_description.robot.description import Description
+from g1_description.robot.description import Description, Shape
 from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.rotation import rotate, to_axes
 from g1_description.robot.transform import IDENTITY
+from g1_description.scenes.objects import SceneObject
 from g1_description.sim.meshes.shapes import find_meshes, is_there
 
 AMBIENT, DIFFUSE = 0.75, 0.55
@@ -44,6 +45,9 @@ LAMP_PIXELS = 400
 SHADOW_BLUR = 2
 """Width of a shadow's edge, in pixels of the shadow map."""
 
+NEAR = 0.6
+"""Distance from the robots in which a camera should see objects, in [m]."""
+
 TINY = 1e-300
 """Avoids division by zero."""
 
@@ -57,9 +61,11 @@ class _Robot(NamedTuple):
 
 
 class _Piece(NamedTuple):
-    """Triangles of one colour that move with a link."""
+    """Triangles of one colour that move with a link or an object."""
 
     robot: int
+    """Number of its robot, or of a group of objects."""
+
     link: str
     corners: np.ndarray
     """x, y, z (axis 0) of corners (axis 1) in the link's frame, shape (3, 3, n)."""
@@ -71,10 +77,10 @@ class _Piece(NamedTuple):
 
 
 class Scene:
-    """Robots in the world."""
+    """Robots and objects in the world."""
 
     def __init__(self) -> None:
-        self._robots: list[_Robot] = []
+        self._robots: dict[int, _Robot] = {}
         self._poses: list[dict[str, np.ndarray]] = []
         self._pieces: list[_Piece] = []
         self._normals = np.zeros((0, 3, 3))
@@ -89,14 +95,54 @@ class Scene:
         Returns:
             The robot's number, from 0, and messages on what of it cannot be used.
         """
-        shapes = [
-            (link.name, shape) for link in description.links for shape in link.visuals
-        ]
-        meshes, left_out = find_meshes(shape for _, shape in shapes)
-        number = len(self._robots)
+        number = len(self._poses)
+        left_out = self._add(
+            number, {link.name: link.visuals for link in description.links}
+        )
+        self._robots[number] = _Robot(
+            tuple(joint.name for joint in description.movable_joints),
+            Assembly(description).link_names,
+            Kinematics(description),
+        )
+        self.place(number, IDENTITY, {})
+        return number, (*description.unread, *left_out)
+
+    def add_objects(
+        self, objects: Collection[SceneObject]
+    ) -> tuple[int, tuple[str, ...]]:
+        """Add objects at their first places.
+
+        Planes have no end, and are left out.
+
+        Args:
+            objects: The objects.
+
+        Returns:
+            The number of the group, and messages on what of it cannot be used.
+        """
+        number, shapes = len(self._poses), object_shapes(objects)
+        left_out = self._add(
+            number,
+            {
+                name: [shape for shape in some if shape.kind != "plane"]
+                for name, some in shapes.items()
+            },
+        )
+        self._poses[number].update({each.name: each.pose for each in objects})
+        return number, left_out
+
+    def move(self, group: int, poses: Mapping[str, np.ndarray]) -> None:
+        """Place objects of a group: T_world_object, shape (7,), by name."""
+        self._poses[group].update(poses)
+
+    def _add(
+        self, number: int, shapes: Mapping[str, Sequence[Shape]]
+    ) -> tuple[str, ...]:
+        """Add shapes by the name of what they move with; return what is left out."""
+        meshes, left_out = find_meshes(s for some in shapes.values() for s in some)
         normals, counts = [self._normals], []
         choices = np.indices((2, 2, 2)).reshape(3, 8).T
-        for link, shape in shapes:
+        for link, shape in ((link, s) for link, some in shapes.items() for s in some):
             if not is_there(shape, meshes):
                 continue
             for part in shape_parts(shape, meshes.get(shape.filename)):
@@ -110,16 +156,8 @@ class Scene:
         new = np.arange(len(self._pieces) - len(counts), len(self._pieces))
         self._normals = np.concatenate(normals)
         self._piece_of = np.concatenate([self._piece_of, np.repeat(new, counts)])
-        self._robots.append(
-            _Robot(
-                tuple(joint.name for joint in description.movable_joints),
-                Assembly(description).link_names,
-                Kinematics(description),
-            )
-        )
         self._poses.append({})
-        self.place(number, IDENTITY, {})
-        return number, (*description.unread, *left_out)
+        return left_out
 
     def place(
         self, robot: int, T_world_root: np.ndarray, positions: Mapping[str, float]
@@ -147,8 +185,31 @@ class Scene:
         Returns:
             Points in the world, in [m], shape (8 n_shapes, 3).
         """
+        return self._corners(self._pieces)
+
+    def subject(self) -> np.ndarray:
+        """Return corners that a camera should see: of robots, and of what is near.
+
+        Returns:
+            Points as of ``corners``; those of objects are limited to ``NEAR`` around
+            the robots.
+        """
+        robots = self._corners([p for p in self._pieces if p.robot in self._robots])
+        if not len(robots):
+            return self.corners()
+        found = [robots]
+        low, high = robots.min(axis=0) - NEAR, robots.max(axis=0) + NEAR
+        for piece in (p for p in self._pieces if p.robot not in self._robots):
+            points = self._corners([piece])
+            ends = points.min(axis=0), points.max(axis=0)
+            if (ends[0] < high).all() and (ends[1] > low).all():
+                found.append(np.clip(points, low, high))
+        return np.concatenate(found)
+
+    def _corners(self, pieces: Iterable[_Piece]) -> np.ndarray:
+        """Return the corners of boxes in the world, shape (8 n, 3)."""
         found = [np.zeros((0, 3))]
-        for piece in self._pieces:
+        for piece in pieces:
             pose = self._poses[piece.robot][piece.link]
             found.append(pose[:3] + rotate(pose[3:], piece.box))
         return np.concatenate(found)

@@ -206,9 +206,11 @@ class Page:
         Raises:
             G1DescriptionError: If nothing is known of the robot.
         """
+        scene = self._world.scenes[0].scene() if self._world.scenes else None
         past = None if self._history is None else self._history.past_motion()
         if past is not None:
-            return motion_page(past[0].description, past[1], self._verdict(*past))
+            verdict = self._verdict(*past)
+            return motion_page(past[0].description, past[1], verdict, scene=scene)
         robot = self._shown[0].robot
         motion, verdict = self.motion.motions.get(robot), None
         if motion is None:
@@ -220,7 +222,7 @@ class Page:
             motion = configuration(state.positions_by_name, state.base_pose)
         else:
             verdict = self.motion.verdicts.get(robot)
-        return motion_page(robot.description, motion, verdict)
+        return motion_page(robot.description, motion, verdict, scene=scene)
 
     def _verdict(self, robot: ShownRobot, motion: Motion) -> Verdict | None:
         """Wait for the check of a motion; None if it fails."""

@@ -12,6 +12,8 @@ import numpy as np
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.robot.state import RobotState
+from g1_description.scenes.objects import SceneObject
+from g1_description.scenes.scene import Scene
 
 if TYPE_CHECKING:
     from g1_description.ros.history import HistoryClient
@@ -135,7 +137,17 @@ class Simulator(Protocol):
 
 
 class ShownScene(Protocol):
-    """Objects around robots. Methods do not block."""
+    """Objects around robots. Those of a simulator block where they are changed.
+
+    Raises:
+        G1DescriptionError: By all that changes it, if that is refused.
+    """
+
+    is_live: bool
+    """Whether they are those of a simulator."""
+
+    links: Sequence[str]
+    """Names of the links that can carry objects."""
 
     @property
     def offset(self) -> np.ndarray:
@@ -147,6 +159,30 @@ class ShownScene(Protocol):
         An object that was changed is another one, and the pose of one that has moved
         another array. The offset is not in it.
         """
+
+    def scene(self) -> Scene:
+        """Return the objects as they are to be saved."""
+
+    def load(self, scene: Scene) -> None:
+        """Replace all objects."""
+
+    def add(self, added: SceneObject) -> None:
+        """Add an object."""
+
+    def remove(self, name: str) -> None:
+        """Remove an object."""
+
+    def change(self, name: str, changed: SceneObject) -> None:
+        """Replace an object, whose name may be a new one, where it is now."""
+
+    def move(self, name: str, pose: np.ndarray) -> None:
+        """Place an object: T_map_object without the offset, shape (7,), as of now."""
+
+    def attach(self, name: str, link: str) -> None:
+        """Let a link carry an object from now on; empty: none."""
+
+    def carrier(self, name: str) -> str:
+        """Return what carries an object now; empty: nothing."""
 
 
 class ShownWorld(Protocol):

@@ -116,7 +116,15 @@ class Motion {
     return [...mix(a.slice(0, 3), b, s), ...turn.map((value) => value / length)];
   }
 
-  /** Poses of all links, or of those that a set of rows has, with all above them. */
+  /** Poses of objects, given those of the links. */
+  objects(time, links) {
+    return this.holds.map((some) => {
+      const { link, pose } = some.filter(({ begin }) => begin <= time).pop() || some[0];
+      return link === null ? pose : compose(links[link], pose);
+    });
+  }
+
+  /** Poses of all links and then objects, or of a set of rows of links with all above. */
   poses(time, only = null) {
     const positions = new Array(this.robot.joints.length).fill(0);
     this.joints.forEach((joint, column) => { positions[joint] = this.joint(column, time)[0]; });
@@ -146,7 +154,7 @@ class Motion {
       }
       poses.push(compose(poses[link.parent], pose));
     }
-    return poses;
+    return only ? poses : [...poses, ...this.objects(time, poses)];
   }
 
   /** Coordinates of the root over all samples: x, y, z, roll, pitch, yaw without jumps. */

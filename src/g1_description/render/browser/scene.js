@@ -108,6 +108,7 @@ const product = (a, b) => a.map((_, n) =>
 
 const RED = [0.85, 0.05, 0.05, 1];
 const ORANGE = [0.95, 0.5, 0, 1];
+const NEAR = 0.6; // objects in this distance from the robot are in view, in m
 const LENS = Math.tan(0.25);
 
 /** The name of what draws with WebGL; empty if nothing does. */
@@ -132,6 +133,7 @@ class Scene {
     this.floor = this.program(FLOOR);
     this.ball = this.buffer(ball(), 6);
     this.square = this.buffer(new Float32Array([-1, -1, 0, 1, -1, 0, -1, 1, 0, 1, 1, 0]), 3);
+    this.links = robot.links.length;
     this.vertices = [];
     this.patches = robot.patches.map((patch) => {
       const raw = decode(patch.vertices, Uint16Array);
@@ -180,18 +182,27 @@ class Scene {
     return { array, count: numbers.length / width };
   }
 
-  /** The least and the largest coordinates of the robot. */
+  /** The least and the largest coordinates of the robot, and of objects near it. */
   bounds(poses) {
     const [low, high] = [[Infinity, Infinity, Infinity], [-Infinity, -Infinity, -Infinity]];
-    for (const [link, vertices] of this.vertices) {
-      for (let n = 0; n < vertices.length; n += 3) {
-        place(poses[link], [vertices[n], vertices[n + 1], vertices[n + 2]]).forEach((value, axis) => {
-          low[axis] = Math.min(low[axis], value);
-          high[axis] = Math.max(high[axis], value);
-        });
+    const take = (some, isNear) => {
+      for (const [link, vertices] of some) {
+        for (let n = 0; n < vertices.length; n += 3) {
+          const point = place(poses[link], [vertices[n], vertices[n + 1], vertices[n + 2]]);
+          if (!isNear(point)) continue;
+          point.forEach((value, axis) => {
+            low[axis] = Math.min(low[axis], value);
+            high[axis] = Math.max(high[axis], value);
+          });
+        }
       }
-    }
-    return this.vertices.length ? [low, high] : [[-0.5, -0.5, 0], [0.5, 0.5, 1]];
+    };
+    take(this.vertices.filter(([link]) => link < this.links), () => true);
+    if (low[0] === Infinity) return [[-0.5, -0.5, 0], [0.5, 0.5, 1]];
+    const [least, most] = [low.map((value) => value - NEAR), high.map((value) => value + NEAR)];
+    const isNear = (point) => point.every((value, axis) => least[axis] < value && value < most[axis]);
+    take(this.vertices.filter(([link]) => link >= this.links), isNear);
+    return [low, high];
   }
 
   /** Draw; the camera looks at a target from yaw and pitch. */
@@ -240,14 +251,18 @@ class Scene {
     gl.stencilOp(gl.KEEP, gl.KEEP, gl.INCR);
     gl.uniform1f(solid.shaded, 0);
     gl.uniform4f(solid.color, 0.15, 0.18, 0.25, 0.22);
-    if (pitch > 0) this.all((patch) => gl.uniformMatrix4fv(solid.model, false, product(shadow, this.matrices[patch.link])));
+    if (pitch > 0) this.all((patch) => gl.uniformMatrix4fv(solid.model, false, product(shadow, this.matrices[patch.link])), true);
     gl.disable(gl.STENCIL_TEST);
     gl.enable(gl.DEPTH_TEST);
     gl.uniform1f(solid.shaded, 1);
     this.all((patch) => {
+      // A plane is not seen from behind, where it would hide all.
+      if (patch.color[3] === 1) gl.disable(gl.CULL_FACE);
+      else gl.enable(gl.CULL_FACE);
       gl.uniform4fv(solid.color, red.has(patch.link) ? RED : patch.color);
       gl.uniformMatrix4fv(solid.model, false, this.matrices[patch.link]);
     });
+    gl.disable(gl.CULL_FACE);
     gl.disable(gl.DEPTH_TEST); // contacts lie inside of links
     gl.bindVertexArray(this.ball.array);
     for (const { center, radius, color, alpha } of balls) {
@@ -257,8 +272,8 @@ class Scene {
     }
   }
 
-  all(prepare) {
-    for (const patch of this.patches) {
+  all(prepare, isOpaque = false) {
+    for (const patch of this.patches.filter(({ color }) => !isOpaque || color[3] === 1)) {
       prepare(patch);
       this.gl.bindVertexArray(patch.array);
       this.gl.drawArrays(this.gl.TRIANGLES, 0, patch.count);

@@ -150,7 +150,8 @@ class SceneObjects:
                 color=rgb(patch.color),
                 opacity=alpha if alpha < 1.0 else None,
                 flat_shading=True,
-                side="double",
+                # A plane is not seen from behind, where it would hide all.
+                side="double" if alpha == 1.0 else "front",
             )
             if self._act is not None:
                 mesh.on_click()(partial(self._clicked, name))
