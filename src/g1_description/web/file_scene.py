@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Callable, Optional, Protocol, Tuple
+from functools import wraps
+from threading import RLock
+from typing import Any, Callable, Optional, Protocol, Tuple, TypeVar, cast
 
 import numpy as np
 
@@ -38,6 +40,19 @@ class PlacedRobot(Protocol):
 
 Time = Callable[[], Tuple[Optional[Motion], float]]
 
+Method = TypeVar("Method", bound=Callable[..., object])
+
+
+def _locked(method: Method) -> Method:
+    """Let one thread at a time use a method."""
+
+    @wraps(method)
+    def alone(self: FileScene, *given: Any) -> object:
+        with self._lock:
+            return method(self, *given)
+
+    return cast(Method, alone)
+
 
 class FileScene:
     """The objects of a scene around one robot, which carries some of them.
@@ -60,6 +75,7 @@ class FileScene:
             UnknownNameError: If an object is attached to a link that is not there.
         """
         self._scene, self._robot, self._time = scene, robot, time
+        self._lock = RLock()
         self._check(scene)
         self._links = RobotLinks(robot.description)
         self._looks = Looks()
@@ -82,6 +98,7 @@ class FileScene:
         roles = tuple(role for role in robot.profile.links if role.endswith("hand"))
         return roles or robot.link_names
 
+    @_locked
     def shown(self) -> tuple[Mapping[str, SeenObject], Mapping[str, np.ndarray]]:
         """Return all objects by name, and T_map_object of each, shape (7,), as of now.
 
@@ -96,7 +113,7 @@ class FileScene:
             for name, pose in zip(self._carried, found):
                 if not np.array_equal(pose, self._poses[name]):
                     self._poses[name] = pose
-        return self._seen, self._poses
+        return self._seen, self._poses.copy()
 
     def _present(self) -> tuple[np.ndarray, LinkPoses]:
         """Return T_map_base without the offset, and the links as they are, any time."""
@@ -128,14 +145,17 @@ class FileScene:
 
     # --- changes by people ---
 
+    @_locked
     def add(self, added: SceneObject) -> None:
         """Add an object; raises an InvalidValueError if its name is taken."""
         self._scene.add(added)
 
+    @_locked
     def remove(self, name: str) -> None:
         """Remove an object."""
         self._scene.remove(name)
 
+    @_locked
     def change(self, name: str, changed: SceneObject) -> None:
         """Replace an object, whose name may be a new one, where it is now.
 
@@ -155,6 +175,7 @@ class FileScene:
         else:
             self._scene.replace(changed)
 
+    @_locked
     def move(self, name: str, pose: np.ndarray) -> None:
         """Place an object: T_map_object without the offset, shape (7,), as of now."""
         self._scene.replace(self._at(name, pose))
@@ -170,6 +191,7 @@ class FileScene:
             pose = compose(compose(before.pose, inverse(now)), pose)
         return replace(before, pose=pose)
 
+    @_locked
     def attach(self, name: str, link: str) -> None:
         """Let a link carry an object from now on; empty: none.
 
@@ -184,11 +206,13 @@ class FileScene:
         changed = replace(before, attachments=kept)
         self._scene.replace(attached(changed, link, now, np.inf) if link else changed)
 
+    @_locked
     def carrier(self, name: str) -> str:
         """Return what carries an object now, as the scene calls it; empty: nothing."""
         some, now = self._scene[name].attachments, self._time()[1]
         return next((o.link for o in some if o.begin <= now < o.end), "")
 
+    @_locked
     def scene(self) -> Scene:
         """Return the scene, as it is to be saved."""
         if self._motion is not None:
@@ -196,6 +220,7 @@ class FileScene:
         _, poses = self.shown()
         return Scene([replace(o, pose=poses[o.name]) for o in self._scene.values()])
 
+    @_locked
     def load(self, scene: Scene) -> None:
         """Replace all objects.
 

@@ -32,6 +32,7 @@ from g1_description.web.scene.objects import SceneObjects
 from g1_description.web.scene.robot import SceneRobot
 from g1_description.web.scene.stage import MAP, Stage
 from g1_description.web.scene.tree import free_name
+from g1_description.web.scene_panel import ScenePanel
 from g1_description.web.server.address import ServerOptions
 from g1_description.web.server.page_server import PageServer
 from g1_description.web.shown import Shown
@@ -162,6 +163,12 @@ class Page:
                 for kind in ROBOT_PANELS:
                     if kind.fits(shown):
                         kind(page, shown)
+        if controls and world.scenes:
+            with tabs.add_tab("Scene"):
+                around = ScenePanel(page)
+            self._objects[0].on_click(
+                lambda name: self.ui.post("select", partial(around.select, name))
+            )
         self._view: ViewPanel | None = None
         if not page.read_only:
             bodies = [shown.body for shown in self._shown]
