@@ -331,7 +331,7 @@ class InverseKinematics:
             limits.append(self._distance_limit)
         if around:
             given = np.zeros(1) if times is None else times
-            limits.append(ObstacleLimit(around, given, held.values(), self._feet))
+            limits.append(ObstacleLimit(around, given, fixed.values(), self._feet))
         base_freedom = BASES[base_motion]
         bounds = IkConstraints(
             self._lower, self._upper, base_freedom, [*limits, *options.limits]
