@@ -50,11 +50,19 @@ def g1_file(request):
 
 
 @pytest.fixture(scope="session")
-def g1(g1_file):
+def g1_text(g1_file):
     """Give the text of both G1 files in turn, with absolute mesh URIs."""
     from g1_description.files.uris import with_absolute_uris
 
     return with_absolute_uris(g1_file.read_text(), g1_file.parent)
+
+
+@pytest.fixture(scope="session")
+def g1():
+    """Give the robot of our G1 file."""
+    from g1_description import Robot
+
+    return Robot()
 
 
 @pytest.fixture(scope="session")

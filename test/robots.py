@@ -9,6 +9,9 @@ from scipy.spatial.transform import Rotation
 from g1_description.robot.lumping import lump_fixed_joints
 from g1_description.robot.urdf import parse_urdf
 
+BASE = np.array([0.0, 0.0, 0.7634, 0.0, 0.0, 0.0, 1.0])
+"""Pose of the G1's base in which it stands in the pose ``stand``."""
+
 _NUMBER = st.floats(-3.0, 3.0).map(lambda value: round(value, 6))
 _VECTOR = st.tuples(_NUMBER, _NUMBER, _NUMBER)
 _AXIS = _VECTOR.filter(lambda axis: np.linalg.norm(axis) > 0.1)

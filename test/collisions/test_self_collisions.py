@@ -196,9 +196,9 @@ def test_no_frames_no_contacts():
 
 
 @pytest.fixture(scope="module")
-def g1_robot(g1):
+def g1_robot(g1_text):
     """Give the G1, its collisions but for adjacent links, and random poses."""
-    description = parse_urdf(g1)
+    description = parse_urdf(g1_text)
     collisions = SelfCollisions(description, adjacent_pairs(description))
     return (
         description,

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from g1_description import Robot
 from g1_description.ik.posing import Posing
 from g1_description.robot.state import RobotState
 from g1_description.sim.standing import standing_base
@@ -17,7 +16,8 @@ class Dragged(Posing):
     """The posing of a robot that is at once where it is commanded."""
 
     def __init__(self, model):
-        stand = dict(zip(model.joint_names, model.pose("stand").tolist()))
+        stand = model.named_configuration("stand").tolist()
+        stand = dict(zip(model.joint_names, stand))
         self.model = model
         self.command(stand, standing_base(model.description, stand))
         super().__init__(model.description, lambda: self.now, self.command)
@@ -35,11 +35,6 @@ class Dragged(Posing):
         target = self.places()[self.roles.get(link, link)].copy()
         target[:3] += by
         return self.drag(link, target)
-
-
-@pytest.fixture(scope="module")
-def g1():
-    return Robot()
 
 
 @pytest.fixture

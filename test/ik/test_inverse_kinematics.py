@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from robots import SLIDER, chains
+from robots import BASE, SLIDER, chains
 from scipy.spatial.transform import Rotation
 
 from g1_description import Robot
@@ -14,7 +14,6 @@ from g1_description.sim.standing import lowest_height
 
 FEET = ("left_ankle_roll_link", "right_ankle_roll_link")
 HANDS = ("left_rubber_hand", "right_rubber_hand")
-BASE = np.array([0.0, 0.0, 0.7634, 0.0, 0.0, 0.0, 1.0])
 
 ARM = """
 <robot name="arm">
@@ -32,11 +31,6 @@ ARM = """
   </joint>
 </robot>
 """
-
-
-@pytest.fixture(scope="module")
-def g1():
-    return Robot()
 
 
 def errors(robot, result, targets):

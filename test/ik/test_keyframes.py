@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from robots import SLIDER, chains
+from robots import BASE, SLIDER, chains
 from scipy.spatial.transform import Rotation
 
 from g1_description import Robot
@@ -15,12 +15,6 @@ from g1_description.ik.inverse_kinematics import InverseKinematics
 from g1_description.ik.keyframes import PASS, PERIOD, STOP, Keyframe, keyframe_pieces
 
 FEET = ("left_ankle_roll_link", "right_ankle_roll_link")
-BASE = np.array([0.0, 0.0, 0.7634, 0.0, 0.0, 0.0, 1.0])
-
-
-@pytest.fixture(scope="module")
-def g1():
-    return Robot()
 
 
 @pytest.fixture(scope="module")

@@ -2,18 +2,12 @@
 
 import numpy as np
 import pytest
+from robots import BASE
 
-from g1_description import Robot
 from g1_description.ik.posing import STEPS, Posing
 from g1_description.robot.state import RobotState
 
-BASE = np.array([0.0, 0.0, 0.7634, 0.0, 0.0, 0.0, 1.0])
 PELVIS, OTHER_HAND = "pelvis", "right_rubber_hand"
-
-
-@pytest.fixture(scope="module")
-def g1():
-    return Robot()
 
 
 @pytest.fixture

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from conftest import REPOSITORY
+from robots import BASE
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 from trimesh import load
@@ -11,16 +12,10 @@ from g1_description import Robot, Target, box_targets, line
 from g1_description.errors import InvalidValueError
 from g1_description.sim.standing import outlines
 
-BASE = np.array([0.0, 0.0, 0.7634, 0.0, 0.0, 0.0, 1.0])
 FEET = ("left_ankle_roll_link", "right_ankle_roll_link")
 UPPER = {"fixed_links": (), "base_motion": "fixed"}
 ANGLE = np.radians(0.5)
 PALMS = {"left_palm": "left_rubber_hand", "right_palm": "right_rubber_hand"}
-
-
-@pytest.fixture(scope="module")
-def g1():
-    return Robot()
 
 
 def unit(vector):

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from g1_description import Robot
 from g1_description.ik.tasks import (
     LinkTask,
     displaced,
@@ -16,11 +15,6 @@ from g1_description.robot.jacobians import Jacobians
 from g1_description.robot.kinematics import Kinematics
 
 SAMPLES = 3
-
-
-@pytest.fixture(scope="module")
-def g1():
-    return Robot()
 
 
 def unit(vector):

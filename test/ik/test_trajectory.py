@@ -4,11 +4,12 @@ import re
 
 import numpy as np
 import pytest
+from robots import BASE
 from scipy.interpolate import BSpline
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
-from g1_description import Robot, TrajectoryBounds
+from g1_description import TrajectoryBounds
 from g1_description.errors import InvalidValueError
 from g1_description.ik.splines import (
     ControlBounds,
@@ -20,7 +21,6 @@ from g1_description.ik.splines import (
 )
 from g1_description.ik.ways import line
 
-BASE = np.array([0.0, 0.0, 0.7634, 0.0, 0.0, 0.0, 1.0])
 HANDS = "left_hand", "right_hand"
 WHOLE = {"balance": True, "avoid_collisions": True, "floor": 0.0}
 
@@ -48,11 +48,6 @@ def assert_is_within(g1, motion, bounds):
         assert speeds.max() <= fastest
         assert changes.max() <= quickest
     assert not g1.check(motion, only=("position", "velocity")).findings
-
-
-@pytest.fixture(scope="module")
-def g1():
-    return Robot("g1_29dof")
 
 
 @pytest.fixture(scope="module")

@@ -25,8 +25,8 @@ def swapped(name):
     return "_".join(sides.get(word, word) for word in name.split("_"))
 
 
-def test_links_are_where_a_mirror_shows_them(g1):
-    robot = Robot(g1)
+def test_links_are_where_a_mirror_shows_them(g1_text):
+    robot = Robot(g1_text)
     motion = random_motion(robot)
     found = mirrored(motion, robot.description)
     before = robot.link_poses(motion.positions, motion.base_poses)

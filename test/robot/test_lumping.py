@@ -189,8 +189,8 @@ def test_a_bodys_own_collisions_are_named_as_gazebo_names_them():
     ]
 
 
-def test_nothing_of_the_g1_is_left_out(g1):
-    assert lump_fixed_joints(parse_urdf(g1)).left_out == ()
+def test_nothing_of_the_g1_is_left_out(g1_text):
+    assert lump_fixed_joints(parse_urdf(g1_text)).left_out == ()
 
 
 # --- whole robots -------------------------------------------------------------------

@@ -43,8 +43,8 @@ def test_the_package_has_these_poses_each_with_a_line_of_text():
 
 
 @pytest.mark.parametrize("name", POSES)
-def test_a_pose_of_the_package_is_one_of_the_g1(g1, name):
-    check_pose(POSES[name], parse_urdf(g1))
+def test_a_pose_of_the_package_is_one_of_the_g1(g1_text, name):
+    check_pose(POSES[name], parse_urdf(g1_text))
 
 
 @pytest.mark.parametrize("name", ["stand", "squat", "sit", "t_pose", "hands_up"])

@@ -91,16 +91,16 @@ def gaps(world, model, reach=0.05):
 
 @pytest.mark.parametrize("name", POSES)
 def test_a_robot_in_a_pose_stands_on_flat_soles_and_keeps_its_balance(
-    make_world, g1, name
+    make_world, g1_text, name
 ):
     """By PyBullet's distances to the ground, and scipy's centre of mass."""
     world = make_world()
-    model = spawn(world, g1, POSES[name].positions)
+    model = spawn(world, g1_text, POSES[name].positions)
     distances = gaps(world, model)
     assert set(distances) >= set(FEET)
     assert 0.0 < min(map(min, distances.values())) < 0.003
     assert not world.engine.contacts()
-    poses = forward_kinematics(g1, np.array(model.pose), POSES[name].positions)
+    poses = forward_kinematics(g1_text, np.array(model.pose), POSES[name].positions)
     for foot in FEET:
         up = Rotation.from_quat(poses[foot][3:]).apply([0.0, 0.0, 1.0])
         np.testing.assert_allclose(up, [0.0, 0.0, 1.0], atol=1e-3)
@@ -109,13 +109,13 @@ def test_a_robot_in_a_pose_stands_on_flat_soles_and_keeps_its_balance(
         robot, ground = (world.body(n).number for n in ("g1", "ground_plane"))
         points = world.client.getClosestPoints(robot, ground, 0.005)
         feet = np.array([point[5][:2] for point in points])
-        assert margin(feet, center_of_mass(parse_urdf(g1), poses)[:2]) > 0.02
+        assert margin(feet, center_of_mass(parse_urdf(g1_text), poses)[:2]) > 0.02
 
 
-def test_a_robot_lying_down_is_on_the_floor_too(make_world, g1):
+def test_a_robot_lying_down_is_on_the_floor_too(make_world, g1_text):
     world = make_world()
     lying = Rotation.from_euler("xyz", [0.0, math.pi / 2, 0.3]).as_quat()
-    model = spawn(world, g1, POSES["t_pose"].positions, lying)
+    model = spawn(world, g1_text, POSES["t_pose"].positions, lying)
     lowest = min(map(min, gaps(world, model).values()))
     assert 0.0 < lowest < 0.003
 
@@ -164,18 +164,20 @@ def directions(text, name, *pairs):
 
 
 @pytest.mark.parametrize(("side", "sign"), [("left", 1.0), ("right", -1.0)])
-def test_limbs_point_where_the_names_of_poses_say(g1, side, sign):
+def test_limbs_point_where_the_names_of_poses_say(g1_text, side, sign):
     upper = f"{side}_shoulder_roll_link", f"{side}_elbow_link"
     fore = f"{side}_elbow_link", f"{side}_wrist_yaw_link"
     thigh = f"{side}_hip_roll_link", f"{side}_knee_link"
     level = np.radians(15.0)
     np.testing.assert_allclose(
-        directions(g1, "t_pose", upper, fore), [[0.0, sign, 0.0]] * 2, atol=level
+        directions(g1_text, "t_pose", upper, fore), [[0.0, sign, 0.0]] * 2, atol=level
     )
-    assert (directions(g1, "hands_up", upper, fore)[:, 2] > np.cos(level)).all()
-    (way,) = directions(g1, "sit", thigh)
+    assert (directions(g1_text, "hands_up", upper, fore)[:, 2] > np.cos(level)).all()
+    (way,) = directions(g1_text, "sit", thigh)
     assert abs(way[2]) < level
-    (shank,) = directions(g1, "sit", (f"{side}_knee_link", f"{side}_ankle_pitch_link"))
+    (shank,) = directions(
+        g1_text, "sit", (f"{side}_knee_link", f"{side}_ankle_pitch_link")
+    )
     assert shank[2] < -np.cos(level)
 
 
@@ -315,16 +317,16 @@ def test_boxes_and_round_shapes_are_where_scipy_puts_them():
         assert found == pytest.approx(wanted, abs=1e-12)
 
 
-def test_the_g1_touches_where_pybullet_sees_it_touch(make_world, g1):
+def test_the_g1_touches_where_pybullet_sees_it_touch(make_world, g1_text):
     """Lowered to its lowest point, within the millimetre of PyBullet's margins."""
-    robot = parse_urdf(g1)
+    robot = parse_urdf(g1_text)
     pose = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
     names = ("left_knee_joint", "left_hip_pitch_joint")
     lowest = lowest_height(robot, still(pose, names, (0.6, -0.3)))
     for above, touches in ((0.003, False), (-0.003, True)):
         world = make_world("kinematic")
         pose[2] = 1.0 - lowest + above
-        world.spawn_urdf("g1", g1, pose)
+        world.spawn_urdf("g1", g1_text, pose)
         world.set_joint_positions("g1", dict(zip(names, (0.6, -0.3))))
         links = {link for pair in world.engine.contacts() for link in pair}
         assert ("ground_plane::link" in links) == touches

@@ -53,10 +53,10 @@ def assert_all_close(poses, expected, tolerance):
 @pytest.mark.parametrize(
     ("physics", "fixed_base"), [("kinematic", False), ("hold", True), ("limp", False)]
 )
-def test_the_g1_weighs_what_its_file_says(make_world, g1, physics, fixed_base):
+def test_the_g1_weighs_what_its_file_says(make_world, g1_text, physics, fixed_base):
     """The world asserts it against PyBullet at load; here the file's sum is known."""
     world = make_world(physics)
-    world.spawn_urdf("g1", g1, UPRIGHT, fixed_base)
+    world.spawn_urdf("g1", g1_text, UPRIGHT, fixed_base)
     assert world.models["g1"].assembly.description.mass == pytest.approx(
         35.115, abs=1e-3
     )
@@ -70,10 +70,10 @@ def test_the_g1_weighs_what_its_file_says(make_world, g1, physics, fixed_base):
     assert loaded + pelvis == pytest.approx(35.115, abs=1e-3)
 
 
-def test_set_configurations_are_where_scipy_puts_them(make_world, g1):
+def test_set_configurations_are_where_scipy_puts_them(make_world, g1_text):
     """Random configurations within limits, at a tilted pose, kinematic."""
     world, random = make_world("kinematic"), np.random.default_rng(1)
-    world.spawn_urdf("g1", g1, UPRIGHT)
+    world.spawn_urdf("g1", g1_text, UPRIGHT)
     for _ in range(10):
         positions = random_positions(world.models["g1"], random)
         world.set_joint_positions("g1", positions)
@@ -82,7 +82,7 @@ def test_set_configurations_are_where_scipy_puts_them(make_world, g1):
         assert dict(
             zip(world.models["g1"].joint_names, world.models["g1"].position)
         ) == (positions)
-        expected = forward_kinematics(g1, TILTED, positions)
+        expected = forward_kinematics(g1_text, TILTED, positions)
         assert_all_close(link_poses(world, "g1"), expected, 1e-9)
 
 

@@ -204,8 +204,8 @@ def test_names_with_slashes_are_one_frame(seen):
 # --- the ends of limbs ---
 
 
-def test_the_limbs_of_the_g1_end_in_feet_and_wrists(g1):
-    ends = last_links(parse_urdf(g1))
+def test_the_limbs_of_the_g1_end_in_feet_and_wrists(g1_text):
+    ends = last_links(parse_urdf(g1_text))
     sides = ("left", "right")
     assert sorted(ends) == sorted(
         [f"{side}_ankle_roll_link" for side in sides]
