@@ -60,6 +60,7 @@ from g1_description.robot.profile import is_name
 from g1_description.robot.rotation import cross
 from g1_description.robot.transform import IDENTITY, compose, inverse
 from g1_description.robot.urdf import parse_urdf
+from g1_description.scenes.scene import Scene, as_scene
 from g1_description.sim.padding import padded
 from g1_description.sim.standing import on_floor
 from g1_description.text import listed, similar_first
@@ -84,6 +85,9 @@ Seed = Union[int, np.random.Generator, None]
 
 ThresholdValues = Union[Thresholds, "Mapping[str, Any]", str, "PathLike[str]", None]
 """A YAML file or its content; None: the defaults."""
+
+SceneOrFile = Union[Scene, str, "PathLike[str]", None]
+"""The objects around a robot, or their file; None: there are none."""
 
 
 class Robot:
@@ -897,6 +901,7 @@ class Robot:
         only: Collection[str] = (),
         thresholds: ThresholdValues = None,
         fixed_base: bool = False,
+        scene: SceneOrFile = None,
     ) -> Verdict:
         """Check a motion.
 
@@ -906,6 +911,7 @@ class Robot:
             thresholds: Changes of the default thresholds: a YAML file, or its content
                 such as ``{"skating": {"failure": 0.5}}``.
             fixed_base: Whether the base is fixed, so that efforts are determined.
+            scene: The objects around the robot, or their file; None: there are none.
 
         Returns:
             The findings and measurements; ``passed`` is False if any check failed.
@@ -914,7 +920,7 @@ class Robot:
             G1DescriptionError: If the motion does not fit the robot, or a check or
                 threshold is unknown.
         """
-        checker = self.checker(thresholds, fixed_base)
+        checker = self.checker(thresholds, fixed_base, scene=scene)
         return checker.check(self._fitted(motion), _names(only))
 
     def write_page(
@@ -979,6 +985,7 @@ class Robot:
         base: Any = None,
         only: Collection[str] = (),
         thresholds: ThresholdValues = None,
+        scene: SceneOrFile = None,
     ) -> Verdict:
         """Check a configuration at rest.
 
@@ -988,6 +995,7 @@ class Robot:
                 None: unknown, the floor is not checked.
             only: Names of the checks to make; none: all.
             thresholds: As for ``check``.
+            scene: As for ``check``.
 
         Returns:
             The findings; ``passed`` is False if any check failed.
@@ -1005,7 +1013,7 @@ class Robot:
                     f"({len(self.joint_names)},) and a base of shape (7,) (got "
                     f"{array.shape})."
                 )
-        checker = self.checker(thresholds)
+        checker = self.checker(thresholds, scene=scene)
         by_name = dict(zip(self.joint_names, placed.tolist()))
         return checker.check_state(by_name, pose, _names(only))
 
@@ -1016,6 +1024,7 @@ class Robot:
         physics: bool = False,
         visual_hulls: bool = True,
         engine: str = "",
+        scene: SceneOrFile = None,
     ) -> Checker:
         """Create a checker for many motions.
 
@@ -1027,6 +1036,7 @@ class Robot:
                 their visuals.
             engine: Physics engine of simulations, ``bullet`` or ``mujoco``; empty:
                 MuJoCo, if it is installed.
+            scene: As for ``check``.
 
         Returns:
             The checker, whose ``check`` takes a motion with joints of this robot.
@@ -1035,7 +1045,8 @@ class Robot:
             G1DescriptionError: If a file cannot be read, a threshold is unknown, or an
                 engine is not installed.
         """
-        if thresholds is None and visual_hulls and not (fixed_base or physics):
+        is_usual = thresholds is None and visual_hulls and scene is None
+        if is_usual and not (fixed_base or physics):
             return self._usual_checker
         from g1_description.checks.checker import Checker
         from g1_description.sim.engines import fastest_engine
@@ -1050,7 +1061,14 @@ class Robot:
         usual = self._usual_checker if visual_hulls else None
         shapes = usual.collisions if usual else self._shapes(visual_hulls=False)
         limits = _thresholds(thresholds)
-        return Checker(self.description, limits, fixed_base, shapes, conditions)
+        obstacles = None
+        if scene is not None:
+            from g1_description.collisions.obstacles import Obstacles
+
+            obstacles = Obstacles(self.description, as_scene(scene), visual_hulls)
+        return Checker(
+            self.description, limits, fixed_base, shapes, conditions, obstacles
+        )
 
     def self_collisions(
         self, positions: JointValues, base: Any = None, margin: float = 0.0

@@ -82,7 +82,8 @@ def test_measurements_of_rules_are_joined_over_all_samples():
     assert measured.own["height"].shape == measured.times.shape
     frames = measured.own["near"].sample
     assert (np.diff(frames) > 0).all() and frames[-1] > CHUNK
-    for pair, distances, points in per_pair(measured, measured.own["near"]):
+    pairs = robot.collisions.pairs
+    for pair, distances, points in per_pair(measured, measured.own["near"], pairs):
         assert pair == robot.collisions.pairs[0]
         np.testing.assert_array_equal(np.flatnonzero(~np.isnan(distances)), frames)
         apart = np.linalg.norm(points[frames, 1] - points[frames, 0], axis=1)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from g1_description.checks.ground_contacts import drifts
+from g1_description.checks.ground_samples import drifts
 from g1_description.checks.intervals import intervals, time_share
 from g1_description.checks.measured import CheckedRobot, Measured, measure
 from g1_description.checks.rule import Rule
@@ -22,10 +22,12 @@ from g1_description.checks.rules.physics import (
     physics_summary,
     saturated_joints,
 )
+from g1_description.checks.surroundings import LEAST_CLEARANCE
 from g1_description.checks.thresholds import Thresholds
 from g1_description.checks.thresholds_file import read_thresholds
 from g1_description.checks.verdict import Verdict, sorted_findings, with_causes
 from g1_description.collisions.find_pairs import collisions_of
+from g1_description.collisions.obstacles import Obstacles, carriers
 from g1_description.collisions.self_collisions import SelfCollisions
 from g1_description.errors import G1DescriptionError, UnknownNameError
 from g1_description.motion.motion import (
@@ -51,6 +53,7 @@ class Checker:
         fixed_base: bool = False,
         collisions: SelfCollisions | None = None,
         physics: Conditions | None = None,
+        obstacles: Obstacles | None = None,
     ) -> None:
         """Prepare everything that does not depend on a motion.
 
@@ -61,6 +64,7 @@ class Checker:
             collisions: Its shapes and the pairs of links that may touch; by default
                 ``collisions_of`` it.
             physics: How motions are simulated; None: they are not.
+            obstacles: The robot among the objects of a scene; None: there are none.
 
         Raises:
             AllowedPairsError: If the file of its allowed pairs cannot be read.
@@ -72,18 +76,26 @@ class Checker:
         check_bounds(self.thresholds, description)
         self.collisions = collisions or collisions_of(description)
         self.fixed_base = fixed_base
-        self.notes = (*zero_limits(description), *self.collisions.notes)
+        self.obstacles = obstacles
+        of_scene = obstacles.notes if obstacles else ()
+        notes = (*zero_limits(description), *self.collisions.notes, *of_scene)
+        self.notes = tuple(dict.fromkeys(notes))
         """Messages on assumptions about the robot."""
         self._limbs = limbs_of(description)
+        if obstacles:  # each object is one of its own, or belongs to what carries it
+            carrier = carriers(description, obstacles.scene)
+            for name, each in obstacles.scene.items():
+                link = carrier[each.attachments[0].link] if each.attachments else name
+                self._limbs[name] = self._limbs.get(link, name)
         self._grouping = {rule.name: rule.grouping for rule in RULES}
         self._robot = CheckedRobot(
-            description, self.thresholds, self.collisions, fixed_base
+            description, self.thresholds, self.collisions, fixed_base, obstacles
         )
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the arguments only: each process prepares the rest itself."""
         given = (self.description, self.thresholds, self.fixed_base)
-        return Checker, (*given, self.collisions, self.physics)
+        return Checker, (*given, self.collisions, self.physics, self.obstacles)
 
     def check(self, motion: MotionLike, only: Collection[str] = ()) -> Verdict:
         """Check a motion.
@@ -109,6 +121,7 @@ class Checker:
         base: np.ndarray | None = None,
         only: Collection[str] = (),
         velocities: Mapping[str, float] | None = None,
+        objects: np.ndarray | None = None,
     ) -> Verdict:
         """Check one configuration at rest.
 
@@ -119,6 +132,8 @@ class Checker:
             only: Names of the checks to make; none: all.
             velocities: Velocities in [rad/s] or [m/s] by joint, compared with limits;
                 everything else is checked as at rest.
+            objects: Poses of the objects in the map, in the order of the scene, shape
+                (n_objects, 7); None: as in the scene.
 
         Returns:
             The verdict, with all times zero.
@@ -140,7 +155,7 @@ class Checker:
             rates = [[velocities[name] for name in positions]]
             motion = replace(still, velocities=np.array(rates, dtype=float))
         rules = self._rules(motion, only, physics=False)
-        measured = self._measure(still, rules)
+        measured = self._measure(still, rules, objects)
         if motion.velocities is not None:
             measured.velocities = motion.velocities
         return self._verdict(measured, rules, ())
@@ -162,12 +177,17 @@ class Checker:
             if not only or rule.name in only
         }
 
-    def _measure(self, motion: Motion, rules: Mapping[Rule, str]) -> Measured:
+    def _measure(
+        self,
+        motion: Motion,
+        rules: Mapping[Rule, str],
+        objects: np.ndarray | None = None,
+    ) -> Measured:
         """Make the measurements that active rules need."""
         made = [rule for rule, why in rules.items() if not why]
         needs = {need for rule in made for need in rule.needs}
         own = {rule.name: rule.measure for rule in made if rule.measure is not None}
-        return measure(self._robot, motion, needs, own)
+        return measure(self._robot, motion, needs, own, objects)
 
     def _play(self, measured: Measured, rules: dict[Rule, str]) -> None:
         """Simulate a motion; if that fails, skip the rules that need it."""
@@ -244,8 +264,7 @@ def _figures(measured: Measured) -> dict[str, float]:
         if touches.any():
             distances = drifts(measured.ground.steps, touches)
             found["largest_drift"] = float(np.nanmax(distances))
-    if measured.contacts is not None:
-        found["deepest_self_collision"] = float(measured.depth.max())
+    found.update(_distances(measured))
     if measured.heights is not None:
         found["lowest_height"] = float(measured.heights.min())
     if balance is not None:
@@ -255,6 +274,17 @@ def _figures(measured: Measured) -> dict[str, float]:
                 found[f"least_{name}"] = float(np.nanmin(margins))
     if measured.played is not None:
         found.update(physics_figures(measured.played))
+    return found
+
+
+def _distances(measured: Measured) -> dict[str, float]:
+    """Find the deepest self-collision, and how near objects are."""
+    found = {}
+    if measured.contacts is not None:
+        found["deepest_self_collision"] = float(measured.depth.max())
+    if measured.near_objects is not None and len(measured.near_objects.distance):
+        nearest = float(measured.near_objects.distance.min())
+        found[LEAST_CLEARANCE] = max(nearest, 0.0)
     return found
 
 

@@ -35,7 +35,7 @@ from g1_description.motion.files.formats import has_neighbours, is_recorded, rea
 from g1_description.motion.files.source import MotionSource
 from g1_description.robot.description import Shape
 
-PACKAGES = ("files", "robot", "motion", "sim", "collisions", "checks")
+PACKAGES = ("files", "robot", "motion", "sim", "scenes", "collisions", "checks")
 """Packages whose code checks motions."""
 
 

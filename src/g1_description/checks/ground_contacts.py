@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
+from g1_description.checks.ground_samples import GroundPiece, GroundSamples
 from g1_description.checks.intervals import runs, without_short
+from g1_description.checks.surfaces import Surfaces
 from g1_description.checks.thresholds import Thresholds
 from g1_description.collisions.convex_shapes import ConvexShape
 from g1_description.motion.motion import SNAP
@@ -29,72 +31,30 @@ def outlines_of(shapes: Iterable[ConvexShape]) -> list[ConvexShape]:
     ]
 
 
-@dataclass(frozen=True, eq=False)
-class GroundPiece:
-    """Measurements of a chunk of successive samples.
-
-    To save memory, only heights are kept for links that stay away from the floor.
-    """
-
-    columns: np.ndarray
-    """Links that are low enough to support the robot, or the lowest ones, in any
-    sample: indices into ``Ground.rows``, shape (k,)."""
-
-    heights: np.ndarray
-    """Heights of links' lowest points above the floor, in [m], shape (n, n_links);
-    infinite for a link that is neither the lowest one nor near the floor."""
-
-    lowest: np.ndarray
-    """The lowest points of the links of ``columns``, in the map, in [m], shape
-    (n, k, 3)."""
-
-    slide: np.ndarray
-    """Speeds of their lowest points along the floor, the mean of those that touch it
-    when the link does, in [m/s], shape (n, k)."""
-
-    moves: np.ndarray
-    """Their velocities along the map's x and y, the mean of the points that touch the
-    floor when the link does, in [m/s], shape (n, k, 2)."""
-
-    steps: np.ndarray
-    """How far the mean of these points moves along x and y until the next sample, in
-    [m], shape (n, k, 2); NaN at the last sample. Between samples a foot that is held
-    goes a little way there and back, which velocities at the samples do not show."""
-
-    speed: np.ndarray
-    """Speeds of their lowest points, in [m/s], shape (n, k)."""
-
-    low: np.ndarray
-    """For each point low enough to support the robot: its sample, and the index of its
-    link into ``Ground.rows``, shape (2, n_points)."""
-
-    low_points: np.ndarray
-    """These points, along the map's x and y, in [m], shape (n_points, 2)."""
-
-
-@dataclass(frozen=True, eq=False)
-class GroundSamples:
-    """How a robot stands, at each sample of a motion.
-
-    ``columns``, ``lowest``, ``slide`` and ``steps`` are those of a ``GroundPiece``;
-    ``heights`` are those of the links of ``columns``, shape (n, k).
-    """
-
-    columns: np.ndarray
-    heights: np.ndarray
-    lowest: np.ndarray
-    slide: np.ndarray
-    steps: np.ndarray
-    in_contact: np.ndarray
-    """Whether a link supports the robot, shape (n, k)."""
-
-    support: list[np.ndarray]
-    """Points of contact along the map's x and y, in [m], shape (n_points, 2) per
-    sample."""
-
-
 HYSTERESIS = 2.0
 """A contact ends at this multiple of ``support_speed``, below which it begins."""
+
+
+class Lowest(NamedTuple):
+    """The lowest points of links, and all that may support the robot."""
+
+    heights: np.ndarray
+    """Of the lowest points, in [m], shape (n, n_links)."""
+
+    points: np.ndarray
+    """The lowest points, heights relative to the floor, shape (n, n_links, 3)."""
+
+    below: np.ndarray | None
+    """Rows of the objects below them, shape (n, n_links)."""
+
+    owner: np.ndarray
+    """Samples and columns of low points, shape (2, k)."""
+
+    low: np.ndarray
+    """Low points, heights relative to the floor, shape (k, 3)."""
+
+    low_heights: np.ndarray
+    """Their heights above what is below, shape (k,)."""
 
 
 class Ground:
@@ -122,36 +82,27 @@ class Ground:
         self._column = {row: column for column, row in enumerate(self.rows)}
         self._thresholds = thresholds
 
-    def piece(self, link_poses: np.ndarray, link_twists: np.ndarray) -> GroundPiece:
+    def piece(
+        self,
+        link_poses: np.ndarray,
+        link_twists: np.ndarray,
+        surfaces: Surfaces | None = None,
+    ) -> GroundPiece:
         """Find where links are above the floor.
 
         Args:
             link_poses: Poses of all links in the map, shape (n, n_links, 7).
             link_twists: Twists of their origins along the map's axes, shape
                 (n, n_links, 6).
+            surfaces: What counts as floor, too.
         """
         shape, limits = (len(link_poses), len(self.rows)), self._thresholds
-        heights, lowest = np.full(shape, np.inf), np.zeros((*shape, 3))
-        owners, low = [np.zeros((2, 0), dtype=int)], [np.zeros((0, 3))]
-        near = self._near(link_poses)
-        for number in np.flatnonzero(near.any(axis=1)):
-            outline, at = self._outlines[number], np.flatnonzero(near[number])
-            column = self._column[outline.link]
-            points = self._points(outline, link_poses[at, outline.link])
-            best = points[..., 2].argmin(axis=1)
-            lowest_points = points[np.arange(len(at)), best]
-            is_lower = lowest_points[:, 2] < heights[at, column]
-            changed = at[is_lower]
-            heights[changed, column] = lowest_points[is_lower, 2]
-            lowest[changed, column] = lowest_points[is_lower]
-            is_low = points[..., 2] <= limits.support_height
-            sample = at[np.nonzero(is_low)[0]]
-            owners.append(np.stack([sample, np.full_like(sample, column)]))
-            low.append(points[is_low])
-        owner, points = np.concatenate(owners, axis=1), np.concatenate(low)
+        heights, lowest, below, owner, points, low_heights = self._lowest(
+            link_poses, surfaces
+        )
         velocity = self._velocity(link_poses, link_twists, lowest, np.indices(shape))
         point_velocity = self._velocity(link_poses, link_twists, points, owner)
-        touching = points[:, 2] <= heights[tuple(owner)] + limits.contact_height
+        touching = low_heights <= heights[tuple(owner)] + limits.contact_height
         means = _means(
             _averaged(velocity, lowest),
             _averaged(point_velocity[touching], points[touching]),
@@ -174,9 +125,44 @@ class Ground:
             speed[:, used],
             owner,
             points[:, :2],
+            None if below is None else below[:, used],
+            None if below is None else _levels(owner[0], points, low_heights, shape[0]),
         )
 
-    def _near(self, link_poses: np.ndarray) -> np.ndarray:
+    def _lowest(self, link_poses: np.ndarray, surfaces: Surfaces | None) -> Lowest:
+        """Find the lowest point of each link, and all points that may support it."""
+        shape, limits = (len(link_poses), len(self.rows)), self._thresholds
+        heights, lowest = np.full(shape, np.inf), np.zeros((*shape, 3))
+        below = None if surfaces is None else np.full(shape, -1)
+        owners, low = [np.zeros((2, 0), dtype=int)], [np.zeros((0, 3))]
+        low_heights = [np.zeros(0)]
+        near = self._near(link_poses, surfaces)
+        for number in np.flatnonzero(near.any(axis=1)):
+            outline, at = self._outlines[number], np.flatnonzero(near[number])
+            column = self._column[outline.link]
+            points = self._points(outline, link_poses[at, outline.link])
+            above = points[..., 2]
+            if surfaces is not None:
+                level, objects = surfaces.below(points)
+                above = above - level
+            best = above.argmin(axis=1)
+            least = above[np.arange(len(at)), best]
+            is_lower = least < heights[at, column]
+            changed, rows = at[is_lower], np.flatnonzero(is_lower)
+            heights[changed, column] = least[is_lower]
+            lowest[changed, column] = points[rows, best[rows]]
+            if below is not None:
+                below[changed, column] = objects[rows, best[rows]]
+            is_low = above <= limits.support_height
+            sample = at[np.nonzero(is_low)[0]]
+            owners.append(np.stack([sample, np.full_like(sample, column)]))
+            low.append(points[is_low])
+            low_heights.append(above[is_low])
+        owner, points = np.concatenate(owners, axis=1), np.concatenate(low)
+        above = np.concatenate(low_heights)
+        return Lowest(heights, lowest, below, owner, points, above)
+
+    def _near(self, link_poses: np.ndarray, surfaces: Surfaces | None) -> np.ndarray:
         """Mark where outlines may be the lowest, or near the floor.
 
         Returns:
@@ -185,7 +171,13 @@ class Ground:
         z = link_poses[:, self._outline_rows, 2].T - self._thresholds.floor_height
         reach = self._reaches[:, np.newaxis]
         highest = np.maximum((z + reach).min(axis=0), self._thresholds.support_height)
-        return np.asarray(z - reach <= highest)
+        near = np.asarray(z - reach <= highest)
+        if surfaces is not None:
+            centers = np.swapaxes(link_poses[:, self._outline_rows, :3], 0, 1).copy()
+            centers[..., 2] = z
+            reaches = self._reaches + self._thresholds.support_height
+            near |= surfaces.reached(centers, reaches)
+        return near
 
     def _points(self, outline: ConvexShape, poses: np.ndarray) -> np.ndarray:
         """Place the lowest points of an outline, relative to the floor.
@@ -239,8 +231,14 @@ class Ground:
         steps = np.where(np.isnan(steps), gaps * moves, steps)
         in_contact = self._contacts(heights, speed, times, self._is_end[columns])
         support = _support(low, points, in_contact)
+        below = level = None
+        if pieces[0].below is not None:
+            below, level = (
+                _spread(pieces, "below", columns, -1),
+                np.concatenate([piece.level for piece in pieces]),
+            )
         return GroundSamples(
-            columns, heights, lowest, slide, steps, in_contact, support
+            columns, heights, lowest, slide, steps, in_contact, support, below, level
         )
 
     def _contacts(
@@ -386,36 +384,25 @@ def _steps(poses: np.ndarray, points: np.ndarray) -> np.ndarray:
     return steps
 
 
-def drifts(steps: np.ndarray, touches: np.ndarray) -> np.ndarray:
-    """Compute how far links have moved along the floor since they touched it.
-
-    Args:
-        steps: Ways along the floor to the next sample in [m], shape (n, n_links, 2).
-        touches: Whether a link touches the floor, shape (n, n_links).
-
-    Returns:
-        In [m], NaN where a link does not touch, shape (n, n_links).
-    """
-    found = np.full(touches.shape, np.nan)
-    for column in np.flatnonzero(touches.any(axis=0)):
-        for first, last in runs(touches[:, column]):
-            found[first, column] = 0.0
-            way = np.cumsum(steps[first:last, column], axis=0)
-            found[first + 1 : last + 1, column] = np.hypot(*way.T)
-    return found
+def _levels(
+    sample: np.ndarray, points: np.ndarray, heights: np.ndarray, count: int
+) -> np.ndarray:
+    """Average the levels below low points, shape (n,); the floor's where is none."""
+    totals = np.bincount(sample, points[:, 2] - heights, count)
+    return np.asarray(totals / np.maximum(np.bincount(sample, minlength=count), 1))
 
 
 def _spread(
-    pieces: Sequence[GroundPiece], name: str, columns: np.ndarray
+    pieces: Sequence[GroundPiece], name: str, columns: np.ndarray, fill: float = 0.0
 ) -> np.ndarray:
     """Join an attribute of pieces, of the links of ``columns``.
 
     Returns:
-        Zero of links that are far from the floor, shape (n, n_links, ...).
+        ``fill`` of links that are far from the floor, shape (n, n_links, ...).
     """
     values = [getattr(piece, name) for piece in pieces]
     count = sum(map(len, values))
-    found = np.zeros((count, len(columns), *values[0].shape[2:]))
+    found = np.full((count, len(columns), *values[0].shape[2:]), fill)
     first = 0
     for piece, part in zip(pieces, values):
         found[first : first + len(part), np.searchsorted(columns, piece.columns)] = part

@@ -219,7 +219,7 @@ def _balance(canvas: Canvas, measured: Measured, verdict: Verdict) -> list[Label
     is_checked = "center_of_mass" in verdict.checked
     color = RED if is_checked and margin < 0.0 else ORANGE
     color = GREEN if margin >= 0.0 else color
-    floor = measured.robot.thresholds.floor_height + ABOVE
+    floor = float(np.ravel(measured.floor)[0]) + ABOVE
     below = np.append(center[:2], floor)
     canvas.ball(BALANCE, center, 0.07, color)
     canvas.line(BALANCE, np.stack([center, below]), 0.006, color)

@@ -8,15 +8,18 @@ from typing import Any, Callable, TypeVar, Union
 
 import numpy as np
 
-from g1_description.checks.ground_contacts import Ground, GroundSamples, outlines_of
+from g1_description.checks.ground_contacts import Ground, outlines_of
+from g1_description.checks.ground_samples import GroundSamples
 from g1_description.checks.support import (
     Balance,
     long_still,
     margins,
     zero_moment_points,
 )
+from g1_description.checks.surroundings import Surroundings
 from g1_description.checks.thresholds import Thresholds
 from g1_description.collisions.contacts import Contacts
+from g1_description.collisions.obstacles import Obstacles
 from g1_description.collisions.self_collisions import SelfCollisions
 from g1_description.errors import MotionError
 from g1_description.motion.motion import Motion, Sample, sample
@@ -58,9 +61,10 @@ class CheckedRobot:
         thresholds: Thresholds,
         collisions: SelfCollisions,
         fixed_base: bool,
+        obstacles: Obstacles | None = None,
     ) -> None:
         self.description, self.thresholds = description, thresholds
-        self.collisions = collisions
+        self.collisions, self.obstacles = collisions, obstacles
         self.joints = description.movable_joints
         self.kinematics, self.masses = Kinematics(description), Masses(description)
         self.is_fixed = fixed_base or base_of(description)[0] == WORLD
@@ -85,8 +89,10 @@ class CheckedRobot:
         if need == "velocities":
             is_moving = motion.velocities is None
         reasons = {
+            "no scene is given": need == "objects" and self.obstacles is None,
             "the base is fixed": self.is_fixed and (on_floor or need == "free base"),
-            NO_BASE: on_floor and motion.base_poses is None,
+            NO_BASE: (on_floor or (need == "objects" and not self.is_fixed))
+            and motion.base_poses is None,
             "the robot has no shapes": on_floor
             and need != "base"
             and not len(self.ground.rows),
@@ -138,6 +144,10 @@ class Measured:
         """Results of the rules' own measurements, by name of the rule."""
         self.ground: GroundSamples | None = None
         """Heights, contacts and support."""
+        self.surroundings: Surroundings | None = None
+        """The objects of the scene."""
+        self.near_objects: Contacts | None = None
+        """What is near objects, but for supports; ``sample`` is the row of the time."""
         self.balance: Balance | None = None
         """None if the motion has no base or the robot no mass."""
         self.efforts: np.ndarray | None = None
@@ -198,6 +208,13 @@ class Measured:
         """Points of contact along the map's x and y, in [m], shape (k, 2) per time."""
         return () if self.ground is None else self.ground.support
 
+    @property
+    def floor(self) -> float | np.ndarray:
+        """Mean height of what the robot stands on, in [m], shape (n,) with objects."""
+        height = self.robot.thresholds.floor_height
+        level = None if self.ground is None else self.ground.level
+        return height if level is None else height + level
+
     @cached_property
     def depth(self) -> np.ndarray:
         """Depth of the deepest self-collision in [m], zero without one, shape (n,).
@@ -256,6 +273,13 @@ class Measured:
             poses = roots
         return poses, positions[0], twists, positions[1]
 
+    def link_poses(self, link: str, times: np.ndarray) -> np.ndarray:
+        """Find the poses of a link at times in [s], in the map, shape (m, 7)."""
+        within = np.clip(times, self.times[0], self.times[-1])
+        base, positions = self.at(within)[:2]
+        row = self.robot.links.index(link)
+        return np.asarray(self.robot.kinematics.link_poses(base, positions)[:, row])
+
     def base_poses(self) -> np.ndarray:
         """Find the poses of the base at all times, shape (n, 7)."""
         return _base_of(sample(self.motion, self.times), len(self.times))[0]
@@ -285,19 +309,31 @@ def measure(
     motion: Motion,
     needs: Collection[str],
     own: Mapping[str, Measure],
+    objects: np.ndarray | None = None,
 ) -> Measured:
     """Measure a motion.
 
     Args:
         robot: The robot.
         motion: Trajectory of joints that it has.
-        needs: ``ground``, ``center``, ``balance``, ``efforts``; others are ignored.
+        needs: ``ground``, ``center``, ``balance``, ``efforts``, ``objects``; others are
+            ignored.
         own: Measurements of rules, by name.
+        objects: Poses of the objects in the map if they are not those of the scene,
+            shape (n_objects, 7).
 
     Raises:
         MotionError: If the motion is too long.
     """
     found = Measured(robot, motion)
+    if robot.obstacles is not None and not robot.lacks("objects", motion):
+        found.surroundings = Surroundings(
+            robot.obstacles,
+            robot.thresholds,
+            robot.description,
+            found.link_poses,
+            objects,
+        )
     pieces = [_piece(found, piece, needs, own) for piece in found.chunks()]
 
     def joined(name: str) -> np.ndarray | None:
@@ -310,9 +346,12 @@ def measure(
         join = np.concatenate if is_array else Contacts.joined
         found.own[name] = join(values)
     found.efforts, found.power = joined("efforts"), joined("power")
-    if "ground" in needs or "balance" in needs:
+    if "ground" in pieces[0]:
         grounds = [piece["ground"] for piece in pieces]
         found.ground = robot.ground.samples(grounds, found.times)
+    if found.surroundings is not None and "objects" in needs:
+        near = Contacts.joined([piece["objects"] for piece in pieces])
+        found.near_objects = found.surroundings.without_supports(near, found.ground)
     center, zmp, is_still = joined("center"), joined("zmp"), joined("is_still")
     if not (found.ground is None or center is None or zmp is None or is_still is None):
         of_center, of_zmp = margins(found.ground.support, center[:, :2], zmp)
@@ -331,11 +370,17 @@ def _piece(
     found: dict[str, Any] = {
         "own": {name: find(robot, poses) for name, find in own.items()}
     }
-    for values in found["own"].values():
+    around, surfaces = motion.surroundings, None
+    if around is not None:
+        surfaces = around.surfaces
+        if "objects" in needs:
+            found["objects"] = around.contacts(times, poses)
+    for values in (*found["own"].values(), found.get("objects")):
         if isinstance(values, Contacts):
             values.sample[:] += piece.start
-    if "ground" in needs or "balance" in needs:
-        found["ground"] = robot.ground.piece(poses, moves)
+    is_on_floor = not robot.lacks("ground", motion.motion)
+    if {"ground", "balance"} & set(needs) or (surfaces is not None and is_on_floor):
+        found["ground"] = robot.ground.piece(poses, moves, surfaces)
     has_mass = robot.masses.total > 0.0
     if not (has_mass and {"center", "balance", "efforts"} & set(needs)):
         return found
@@ -348,7 +393,9 @@ def _piece(
         weight, floor = robot.masses.total * GRAVITY, robot.thresholds.floor_height
         speed = robot.masses.robot_velocity(poses, moves)
         found["center"] = dynamics.center_of_mass
-        found["zmp"] = zero_moment_points(dynamics, weight, floor)
+        level = found["ground"].level
+        height = floor if level is None else floor + level
+        found["zmp"] = zero_moment_points(dynamics, weight, height)
         found["is_still"] = _is_still(dynamics, speed, robot)
     return found
 

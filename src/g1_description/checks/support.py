@@ -120,7 +120,9 @@ def margins(support: Sequence[np.ndarray], *points: np.ndarray) -> list[np.ndarr
     return found
 
 
-def zero_moment_points(dynamics: Dynamics, weight: float, floor: float) -> np.ndarray:
+def zero_moment_points(
+    dynamics: Dynamics, weight: float, floor: float | np.ndarray
+) -> np.ndarray:
     """Find where the floor must support a robot that moves.
 
     Source: Vukobratovic and Borovac, Zero-Moment Point, 2004: the point of the floor
@@ -129,7 +131,7 @@ def zero_moment_points(dynamics: Dynamics, weight: float, floor: float) -> np.nd
     Args:
         dynamics: Dynamics of the motion.
         weight: Weight of the robot in [N].
-        floor: Height of the floor in [m].
+        floor: Height of the floor in [m], a number or shape (...).
 
     Returns:
         Along the map's x and y, in [m], shape (..., 2); NaN where the floor supports

@@ -30,6 +30,7 @@ FIGURES = {
     "fall_time": ("fall at", "s"),
     "rms_tracking_error": ("tracking error, rms", "rad"),
     "largest_tracking_error": ("largest tracking error", "rad"),
+    "least_clearance": ("least distance from an object", "m"),
 }
 """The figures of a motion, in the order of reports: by name, a description and the
 unit. A share is a fraction of 1, and shown in per cent."""

@@ -195,6 +195,7 @@ def file_checker(args: CheckOptions) -> FileChecker:
             args.physics,
             not args.no_visual_hulls,
             args.engine or "",
+            args.scene,
         ),
         args.only,
         bool(args.plot),

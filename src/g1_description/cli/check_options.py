@@ -48,9 +48,9 @@ def checks(text: str) -> tuple[str, ...]:
 class CheckOptions:
     """Check motions in files.
 
-    Checks limits, jumps, self-collisions, floor contact, balance, and with --physics
-    the tracking by motors. The exit code is 0 if nothing failed, 1 if a motion failed,
-    2 if something could not be checked.
+    Checks limits, jumps, self-collisions, floor contact, balance, with --scene
+    collisions with objects, and with --physics the tracking by motors. The exit code is
+    0 if nothing failed, 1 if a motion failed, 2 if something could not be checked.
     """
 
     files: list[Path] = options.motions()
@@ -70,6 +70,7 @@ class CheckOptions:
         checks,
         metavar="CHECK,...",
     )
+    scene: Path | None = options.scene()
     fixed_base: bool = option(
         "the base is fixed: efforts are checked, the floor is not", False
     )
@@ -179,7 +180,7 @@ class CheckOptions:
         if self.watch and self.dask is not None:
             raise InvalidValueError("--watch and --dask cannot be combined")
         names = ("csv", "plot", "html", "write_selection", "dask", "only", "quiet")
-        names += ("watch",)
+        names += ("watch", "scene")
         unfit = [f"--{name.replace('_', '-')}" for name in names if getattr(self, name)]
         unfit += ["--jobs"] if self.jobs > 1 else []
         if self.against is not None and unfit:

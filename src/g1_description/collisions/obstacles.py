@@ -49,6 +49,8 @@ class Obstacles(ShapeContacts):
         Raises:
             UnknownNameError: If a link or object is named that does not exist.
         """
+        self.scene = scene
+        """The objects."""
         of_links, of_robot = robot_shapes(description, visual_hulls, TOLERANCE)
         bodies = [each.link for each in scene.values()]
         of_objects, of_scene = link_shapes(bodies, visual_hulls, TOLERANCE)

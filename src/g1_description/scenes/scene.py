@@ -260,3 +260,8 @@ class Scene(Mapping[str, SceneObject]):
             OSError: If it cannot be written.
         """
         write_objects([*self.values()], Path(file))
+
+
+def as_scene(given: Scene | str | PathLike[str]) -> Scene:
+    """Return a scene, or read its file; see ``Scene.read``."""
+    return given if isinstance(given, Scene) else Scene.read(given)

@@ -18,6 +18,7 @@ from g1_description.checks.rules.limits import (
     POSITION,
     VELOCITY,
 )
+from g1_description.checks.rules.obstacles import CLEARANCE, COLLISION
 from g1_description.checks.rules.physics import FALL, SATURATION, TRACKING
 from g1_description.checks.rules.self_collision import SELF_COLLISION
 
@@ -30,6 +31,8 @@ RULES = (
     JUMP,
     BASE_JUMP,
     SELF_COLLISION,
+    COLLISION,
+    CLEARANCE,
     PENETRATION,
     FLOATING,
     SKATING,

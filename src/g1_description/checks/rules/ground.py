@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from g1_description.checks.ground_contacts import GroundSamples, drifts
+from g1_description.checks.ground_samples import GroundSamples, drifts
 from g1_description.checks.intervals import runs
 from g1_description.checks.measured import Measured
 from g1_description.checks.rule import Rule
@@ -42,14 +42,31 @@ def _ground(measured: Measured) -> GroundSamples:
     return measured.ground
 
 
+def _below(measured: Measured, column: int | np.ndarray, sizes: np.ndarray) -> str:
+    """Name what is below a link where a size is the largest.
+
+    Args:
+        measured: The motion.
+        column: Column of ``ground_links``, or that of each time, shape (n,).
+        sizes: Sizes at all times, shape (n,).
+    """
+    below, around = _ground(measured).below, measured.surroundings
+    if below is None or around is None or np.isnan(sizes).all():
+        return "the floor"
+    at = int(np.nanargmax(sizes))
+    row = below[at, np.broadcast_to(column, len(sizes))[at]]
+    return "the floor" if row < 0 else around.surfaces.names[row]
+
+
 def _penetrations(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
     """Find links in the floor."""
     samples = _ground(measured)
     is_low = samples.in_contact | ~np.isnan(measured.once(slides))
     for column in np.flatnonzero(is_low.any(axis=0)).tolist():
         link, points = measured.ground_links[column], samples.lowest[:, column]
-        text = f"{link} penetrates the floor by {{worst:.4g}} m{{when}}"
         sizes = -samples.heights[:, column]
+        floor = _below(measured, column, sizes)
+        text = f"{link} penetrates {floor} by {{worst:.4g}} m{{when}}"
         yield rule.compared(measured, (link,), sizes, text, points=points)
 
 
@@ -58,7 +75,8 @@ def _skating(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
     lowest, speeds = _ground(measured).lowest, measured.once(slides)
     for column in rule.columns(measured, speeds):
         link, points = measured.ground_links[column], lowest[:, column]
-        text = f"{link} slides on the floor at {{worst:.4g}} m/s{{when}}"
+        floor = _below(measured, column, speeds[:, column])
+        text = f"{link} slides on {floor} at {{worst:.4g}} m/s{{when}}"
         yield rule.compared(measured, (link,), speeds[:, column], text, points=points)
 
 
@@ -80,7 +98,8 @@ def _drifts(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
             speed = speeds[rows, column]
             is_moving = speed > MOVING * speed.max()
             whole[rows] = np.where(is_moving, sizes[rows, column].max(), np.nan)
-        text = f"{link} drifts {{worst:.4g}} m while it touches the floor{{when}}"
+        floor = _below(measured, column, sizes[:, column])
+        text = f"{link} drifts {{worst:.4g}} m while it touches {floor}{{when}}"
         yield rule.compared(
             measured, (link,), sizes[:, column], text, points=points, spans=whole
         )
@@ -92,12 +111,15 @@ def _floating(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
     heights = np.where(samples.in_contact, samples.heights, np.nan)
     for column in rule.columns(measured, heights):
         link, points = measured.ground_links[column], samples.lowest[:, column]
-        text = f"{link} hovers {{worst:.4g}} m above the floor as a support{{when}}"
+        floor = _below(measured, column, heights[:, column])
+        text = f"{link} hovers {{worst:.4g}} m above {floor} as a support{{when}}"
         yield rule.compared(measured, (link,), heights[:, column], text, points=points)
     lowest = np.argmin(samples.heights, axis=1)
     points = samples.lowest[np.arange(len(lowest)), lowest]
-    text = "the robot floats {worst:.4g} m above the floor{when}"
-    yield rule.compared(measured, (), _float_heights(measured), text, points=points)
+    sizes = _float_heights(measured)
+    floor = _below(measured, lowest, sizes)
+    text = f"the robot floats {{worst:.4g}} m above {floor}{{when}}"
+    yield rule.compared(measured, (), sizes, text, points=points)
 
 
 def _float_heights(measured: Measured) -> np.ndarray:
@@ -129,7 +151,7 @@ def _center_of_mass(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
     balance = measured.balance
     assert balance is not None
     below = balance.center.copy()
-    below[:, 2] = measured.robot.thresholds.floor_height
+    below[:, 2] = measured.floor
     sizes = np.where(balance.is_still, -balance.center_margin, np.nan)
     text = f"centre of mass {OUTSIDE}"
     yield rule.compared(measured, (), sizes, text, points=below)

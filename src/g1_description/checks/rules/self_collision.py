@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -14,18 +14,19 @@ from g1_description.collisions.contacts import Contacts
 
 
 def per_pair(
-    measured: Measured, contacts: Contacts
+    measured: Measured, contacts: Contacts, pairs: Sequence[tuple[str, str]]
 ) -> Iterator[tuple[tuple[str, str], np.ndarray, np.ndarray]]:
-    """Sort contacts by the pair of links.
+    """Sort contacts by the pair of links, or of a link and an object.
 
     Args:
         measured: The motion.
         contacts: Contacts of all its times.
+        pairs: Names of the pairs of the contacts.
 
     Yields:
-        Names of both links; distances in [m], negative where they overlap, shape (n,);
-        nearest or deepest points of both links in the map, in [m], shape (n, 2, 3). NaN
-        without a contact.
+        Both names; distances in [m], negative where they overlap, shape (n,); nearest
+        or deepest points of both in the map, in [m], shape (n, 2, 3). NaN without a
+        contact.
     """
     n_samples = len(measured.times)
     for pair in np.unique(contacts.pair).tolist():
@@ -39,7 +40,7 @@ def per_pair(
             found.points_a,
             found.points_b,
         )
-        yield measured.robot.collisions.pairs[pair], distances, points
+        yield pairs[pair], distances, points
 
 
 def _measure(robot: CheckedRobot, link_poses: np.ndarray) -> Contacts:
@@ -48,7 +49,8 @@ def _measure(robot: CheckedRobot, link_poses: np.ndarray) -> Contacts:
 
 def _find(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
     """Find links that overlap."""
-    for pair, distances, points in per_pair(measured, measured.own[rule.name]):
+    pairs = measured.robot.collisions.pairs
+    for pair, distances, points in per_pair(measured, measured.own[rule.name], pairs):
         text = f"{pair[0]} penetrates {pair[1]} by {{worst:.4g}} m{{when}}"
         yield rule.compared(measured, pair, -distances, text, points=points)
 

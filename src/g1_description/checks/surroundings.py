@@ -1,0 +1,120 @@
+"""The objects around a robot in the course of a motion."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from g1_description.checks.ground_samples import GroundSamples
+from g1_description.checks.surfaces import Surfaces
+from g1_description.checks.thresholds import Level, Thresholds
+from g1_description.collisions.contacts import Contacts
+from g1_description.collisions.obstacles import Obstacles
+from g1_description.robot.description import Description
+from g1_description.scenes.carried import Hold, LinkPoses, holds_of, object_poses
+
+MARGIN = 0.05
+"""Distances from objects are known up to this, in [m], or to thresholds above it."""
+
+CLEARANCE, LEAST_CLEARANCE = "clearance", "least_clearance"
+"""Names of the check of distances, and of their figure."""
+
+
+def margin_of(thresholds: Thresholds) -> float:
+    """Return up to which distance objects are found, in [m]."""
+    level = thresholds.levels.get(CLEARANCE, Level())
+    bounds = [level.warning, level.failure]
+    bounds += [r.bound for r in thresholds.exclusions if r.figure == LEAST_CLEARANCE]
+    return max([MARGIN, *(bound for bound in bounds if bound is not None)])
+
+
+class Surroundings:
+    """Where the objects of a scene are during one motion, and what is near them."""
+
+    def __init__(
+        self,
+        obstacles: Obstacles,
+        thresholds: Thresholds,
+        robot: Description,
+        link_poses: LinkPoses,
+        present: np.ndarray | None = None,
+    ) -> None:
+        """Find out which links carry objects.
+
+        Args:
+            obstacles: The robot among the objects.
+            thresholds: Height of the floor, and distances.
+            robot: The robot.
+            link_poses: Poses of its links during the motion.
+            present: Poses of the objects in the map if they are not those of the scene,
+                shape (n_objects, 7); attachments are ignored then.
+        """
+        objects = [*obstacles.scene.values()]
+        if present is not None:
+            pairs = zip(objects, present)
+            objects = [replace(x, pose=pose, attachments=()) for x, pose in pairs]
+        self.obstacles = obstacles
+        self.holds = holds_of(objects, robot, link_poses)
+        starts = np.array([each.pose for each in objects]).reshape(-1, 7)
+        self.surfaces = Surfaces(obstacles, starts, thresholds.floor_height)
+        self._margin = margin_of(thresholds)
+        rows = {name: row for row, name in enumerate(obstacles.scene)}
+        links = obstacles.names[: len(obstacles.names) - len(rows)]
+        self._links = {name: row for row, name in enumerate(links)}
+        is_known = present is None  # which links carry them
+        carried = [-1 if a in self._links else rows[a] for a, _ in obstacles.pairs]
+        onto = [rows[b] for _, b in obstacles.pairs]
+        self._carried = np.array([carried, onto], dtype=int) if is_known else None
+
+    def contacts(self, times: np.ndarray, link_poses: np.ndarray) -> Contacts:
+        """Find links, and objects while they are carried, that are near objects.
+
+        Args:
+            times: Successive ones, in [s], shape (n,).
+            link_poses: Poses of all links in the map, shape (n, n_links, 7).
+
+        Returns:
+            With the rows of ``Obstacles.pairs``.
+        """
+
+        def of_link(link: str, some: np.ndarray) -> np.ndarray:
+            return link_poses[np.searchsorted(times, some), self._links[link]]
+
+        poses = object_poses(self.holds, times, of_link)
+        if all(len(some) == 1 for some in self.holds):
+            poses = poses[0]
+        found = self.obstacles.contacts_among(link_poses, poses, self._margin)
+        if self._carried is None:
+            return found
+        first, second = self._carried[:, found.pair]
+        held = self.held(times)
+        is_held = held[found.sample, first] | held[found.sample, second]
+        return found[np.flatnonzero((first < 0) | is_held)]
+
+    def held(self, times: np.ndarray) -> np.ndarray:
+        """Mark objects that links carry, shape (n, n_objects)."""
+        found = np.zeros((len(times), len(self.holds)), dtype=bool)
+        for column, some in enumerate(self.holds):
+            if len(some) > 1 or some[0].link:
+                found[:, column] = [bool(some[n].link) for n in numbers(some, times)]
+        return found
+
+    def without_supports(
+        self, contacts: Contacts, ground: GroundSamples | None
+    ) -> Contacts:
+        """Leave out contacts with the tops of what the robot stands on at any time.
+
+        They count as floor.
+        """
+        if ground is None or ground.below is None:
+            return contacts
+        stood = np.unique(ground.below[ground.in_contact])
+        tops = self.surfaces.holds(contacts)
+        return contacts[np.flatnonzero((tops < 0) | ~np.isin(tops, stood))]
+
+
+def numbers(holds: list[Hold], times: np.ndarray) -> np.ndarray:
+    """Find which hold of an object applies at times, shape (n,)."""
+    begins = [hold.begin for hold in holds]
+    return np.asarray(np.searchsorted(begins, times, "right") - 1)

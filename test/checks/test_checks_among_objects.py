@@ -1,0 +1,120 @@
+"""Checks know the objects of a scene: what collides with them, and what is on them."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+from g1_description import Robot, Scene
+from g1_description.errors import UnknownNameError
+
+STILTS = """<robot name="stilts"><link name="body"><inertial><mass value="10"/>
+  <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>
+  <collision><geometry><box size="0.2 0.2 0.2"/></geometry></collision></link>
+  {}</robot>"""
+LEG = """<link name="{0}_slide"/><link name="{0}"><inertial><mass value="0.1"/>
+  <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>
+  <collision><geometry><box size="0.3 0.1 0.04"/></geometry></collision></link>
+  <joint name="{0}_x" type="prismatic"><parent link="body"/><child link="{0}_slide"/>
+  <origin xyz="0 {1} 0"/><axis xyz="1 0 0"/>
+  <limit lower="-2" upper="2" effort="99" velocity="9"/></joint>
+  <joint name="{0}_z" type="prismatic"><parent link="{0}_slide"/><child link="{0}"/>
+  <origin xyz="0 0 -0.48"/><axis xyz="0 0 1"/>
+  <limit lower="-2" upper="2" effort="99" velocity="9"/></joint>"""
+ROBOT = Robot(STILTS.format(LEG.format("left", 0.2) + LEG.format("right", -0.2)))
+TIMES = np.arange(301) / 50.0
+NAMES = ("left_x", "left_z", "right_x", "right_z")
+
+
+def eased(begin, end):
+    """Rise smoothly from 0 to 1 between two times."""
+    phase = np.clip((TIMES - begin) / (end - begin), 0.0, 1.0)
+    return phase**3 * (10.0 - 15.0 * phase + 6.0 * phase**2)
+
+
+def climb(rise=0.15, clearance=0.1, slide=0.0, slide_time=1.0):
+    """Step with one foot after the other onto a step half a metre ahead."""
+    columns = []
+    for begin in (0.5, 2.5):
+        lift = (rise + clearance) * eased(begin, begin + 0.6)
+        lift -= clearance * eased(begin + 1.0, begin + 1.6)
+        way = 0.5 * eased(begin + 0.5, begin + 1.1)
+        way += slide * eased(4.8, 4.8 + slide_time)
+        columns += [way, lift]
+    forward = 0.5 * eased(2.0, 4.0)
+    columns = np.stack(columns, axis=1) - np.outer(forward, [1.0, 0.0, 1.0, 0.0])
+    base = np.tile([0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 1.0], (len(TIMES), 1))
+    base[:, 0] = forward
+    return ROBOT.trajectory(TIMES, dict(zip(NAMES, columns.T)), base=base)
+
+
+def steps(height=0.15):
+    scene = Scene()
+    scene.box("step", [0.5, 1.0, height], [0.5, 0.0, height / 2])
+    return scene
+
+
+def found(verdict):
+    return {(finding.check, finding.subject) for finding in verdict.findings}
+
+
+ONLY = ("collision", "penetration", "floating", "skating", "drift")
+
+
+@pytest.mark.parametrize(
+    ("motion", "expected"),
+    [
+        (climb(), set()),
+        (climb(slide=0.2), {"skating"}),
+        (climb(slide=0.03), {"drift"}),
+        (climb(rise=0.138), {"penetration"}),
+        (climb(rise=0.19), {"floating"}),
+    ],
+)
+def test_feet_stand_on_a_step_as_on_the_floor(motion, expected):
+    verdict = ROBOT.check(motion, ONLY, scene=steps())
+    assert {finding.check for finding in verdict.findings} == expected
+    for finding in verdict.findings:
+        assert "step" in finding.text
+    without = ROBOT.check(motion, ONLY)
+    assert "floating" in {finding.check for finding in without.findings}
+    assert without.skipped["collision"] == "no scene is given"
+
+
+def test_collisions_with_objects_are_found_and_distances_known():
+    scene, motion = steps(), climb()
+    scene.box("beam", [0.1, 1.0, 0.1], [0.58, 0.0, 0.5])  # the body ends at x = 0.6
+    scene.box("wall", [0.1, 2.0, 2.0], [0.68, 0.0, 1.0], may_touch=["left", "right"])
+    verdict = ROBOT.check(motion, scene=scene)
+    (finding,) = verdict.of("collision")
+    assert finding.subject == ("body", "beam")
+    assert finding.worst == pytest.approx(0.07, abs=1e-4)
+    assert not verdict.of("penetration")
+    assert verdict.skipped["clearance"].startswith("disabled")
+    scene.remove("beam")
+    limits = {"clearance": {"failure": 0.04}}
+    verdict = pickle.loads(pickle.dumps(ROBOT.checker(limits, scene=scene))).check(
+        motion
+    )
+    (finding,) = verdict.of("clearance")
+    assert finding.subject == ("body", "wall")
+    assert finding.worst == pytest.approx(0.03, abs=1e-4)
+    assert verdict.figures["least_clearance"] == finding.worst
+    assert not ROBOT.check(motion, ["collision"], scene=Scene()).findings
+    at_rest = ROBOT.check_state(np.zeros(4), motion.base_poses[-1], scene=scene)
+    assert "least_clearance" in at_rest.figures
+
+
+def test_objects_collide_while_they_are_carried():
+    scene, motion = steps(), climb()
+    scene.box("tray", [0.2, 0.2, 0.1], [0.2, 0.0, 0.5])
+    scene.box("below", [0.2, 0.2, 0.1], [0.2, 0.0, 0.402])  # 2 mm deep in the tray
+    scene.box("post", [0.1, 0.1, 2.0], [0.82, 0.0, 1.0])
+    scene.attach("tray", "body", begin=1.9, end=3.5)
+    verdict = ROBOT.check(motion, scene=scene)
+    subjects = {finding.subject: finding for finding in verdict.of("collision")}
+    assert subjects.keys() >= {("tray", "below")}
+    assert subjects["tray", "below"].first_time == pytest.approx(1.9, abs=0.05)
+    scene.attach("tray", "left_hand", begin=4.0)
+    with pytest.raises(UnknownNameError, match="left_hand"):
+        ROBOT.check(motion, scene=scene)
