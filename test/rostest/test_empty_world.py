@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rospy
+from gazebo_msgs.msg import LinkStates
 from gazebo_msgs.srv import (
     DeleteModel,
     GetJointProperties,
@@ -33,6 +34,7 @@ from gazebo_ros import gazebo_interface
 from geometry_msgs.msg import Point, Pose, Quaternion
 from rosgraph_msgs.msg import Clock, Log
 from scipy.spatial.transform import Rotation
+from std_msgs.msg import String
 from std_srvs.srv import Empty, EmptyResponse
 from support.golden.simulator import Simulator
 from support.programs import run
@@ -44,11 +46,14 @@ from support.ros_testing import (
     program,
     wait_for,
 )
+from visualization_msgs.msg import Marker, MarkerArray
 
 from g1_description.errors import DescriptionError
 from g1_description.gazebo.node import make_world
 from g1_description.gazebo.parameters import GazeboParameters, SpawnParameters
 from g1_description.gazebo.programs import spawn_model, spawn_robot
+from g1_description.scenes.scene import Scene
+from g1_description.scenes.scene_file import objects_of_sdf, sdf_of
 
 SHELF = REPOSITORY / "test" / "data" / "shelf.world"
 MODELS = ["ground_plane", "shelf", "cube"]
@@ -80,6 +85,41 @@ def test_models_lights_and_physics_are_those_of_the_file(simulator):
 def test_the_cube_comes_to_rest_on_the_board(simulator):
     simulator.run(2.0)
     assert simulator.state("cube")["pose"][2] == pytest.approx(1.11, abs=0.002)
+
+
+def test_objects_are_published_to_who_comes_and_when_they_change(simulator):
+    topics = (
+        Listener("/gazebo/scene", String),
+        Listener("/gazebo/object_states", LinkStates),
+        Listener("/gazebo/world_markers", MarkerArray),
+    )
+    scene, states, markers = topics
+    names = ["shelf::leg", "shelf::board", "cube"]
+
+    def names_in(message):
+        return [each.name for each in objects_of_sdf(message.data)]
+
+    scene.wait(lambda message: names_in(message) == names)
+    states.wait(lambda message: message.name == names)
+    markers.wait(lambda message: [m.ns for m in message.markers] == names[1:])
+    ball = Scene().sphere("ball", 0.2, [0, 0, 3], color=[0, 1, 0])
+    for name in ("map", "ball"):  # the former cannot be the name of an object
+        text = sdf_of([ball])
+        simulator.call("spawn_sdf_model", model_name=name, model_xml=text)
+    scene.wait(lambda message: names_in(message) == [*names, "ball"])
+    pose = {"position": {"x": 2.0, "y": 0.0, "z": 0.5}, "orientation": {"w": 1.0}}
+    state = {"model_name": "ball", "pose": pose}
+    simulator.call("set_model_state", model_state=state)
+    states.wait(lambda m: m.name == ["ball"] and m.pose[0].position.x == 2.0)
+    (moved,) = markers.wait(lambda message: len(message.markers) == 1).markers
+    assert (moved.ns, moved.type, moved.color.g) == ("ball", Marker.SPHERE, 1.0)
+    assert (moved.pose.position.x, moved.scale.y) == (2.0, 0.4)
+    for name in ("ball", "map"):
+        simulator.call("delete_model", model_name=name)
+    gone = markers.wait(lambda m: any(x.action == Marker.DELETE for x in m.markers))
+    assert gone.markers[0].ns == "ball"
+    for topic in topics:
+        topic.close()
 
 
 class Server:

@@ -4,7 +4,8 @@ Publishes: /clock (rosgraph_msgs/Clock), ~link_states (gazebo_msgs/LinkStates),
     ~model_states (gazebo_msgs/ModelStates), ~world_state (gazebo_msgs/WorldState),
     ~simulator_state (g1_description/SimulatorState), ~motor_states
     (g1_description/MotorStates):
-    at each step, while there are subscribers; ~tracking (g1_description/TrackingReport)
+    at each step, while there are subscribers; ~tracking
+    (g1_description/TrackingReport); the topics of objects.ObjectTopics
 Subscribes: ~set_model_state (gazebo_msgs/ModelState), ~set_link_state
     (gazebo_msgs/LinkState), ~set_model_trajectory (g1_description/ModelTrajectory),
     ~motor_commands (g1_description/MotorCommands)
@@ -36,6 +37,7 @@ from g1_description.errors import (
 )
 from g1_description.files.model_files import find_model
 from g1_description.files.xml import decoded
+from g1_description.gazebo.objects import ObjectTopics
 from g1_description.gazebo.parameters import INITIAL, GazeboParameters, place_robot
 from g1_description.gazebo.services import joints, links, models
 from g1_description.gazebo.services import world as worlds
@@ -184,9 +186,10 @@ class GazeboNode:
         self._calls = Calls(world.lock)
         network = parameters.enable_ros_network
         self._topics = StateTopics(world, parameters)
-        self._tracking = None
+        self._tracking = self._objects = None
         if not network:
             return
+        self._objects = ObjectTopics(world, self._simulation.log)
         self._tracking = rospy.Publisher(
             "~tracking", TrackingReport, queue_size=TRACKING_QUEUE_SIZE, latch=True
         )
@@ -233,6 +236,7 @@ class GazeboNode:
                 if not self._is_silent:  # changes while time stands still
                     with quiet_when_closing():
                         wait = min(self._topics.settle(), MAX_WAIT)
+                        self._publish_objects()
                 self._answer_one(wait)
                 due = time.monotonic()
                 continue
@@ -264,6 +268,11 @@ class GazeboNode:
             not stepper.paused or stepper.is_stepping
         ) and self._world.properties.step_ns > 0
 
+    def _publish_objects(self) -> None:
+        """Publish the objects, if it is due."""
+        if self._objects is not None:
+            self._objects.publish()
+
     def _answer_one(self, wait: float) -> None:
         """Wait for a call up to ``wait`` [s], and answer it."""
         if self._calls.answer(wait):
@@ -292,6 +301,7 @@ class GazeboNode:
             for tracker in self._world.motions.take_tracked() if self._tracking else ():
                 rospy.loginfo("%s: %s", tracker.model.name, tracker.report)
                 self._tracking.publish(tracking_message(tracker))
+            self._publish_objects()
         self._stepper.count()
         return count
 

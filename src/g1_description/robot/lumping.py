@@ -188,6 +188,7 @@ def _robot(
         root=root,
         links=tuple(bodies[name] for name in names),
         joints=held,
+        urdf=description.urdf,
         given_profile=description.profile,  # it may have lost joints by which it fits
     )
 

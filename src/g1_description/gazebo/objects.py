@@ -1,0 +1,238 @@
+"""The topics on which the simulator publishes the objects around its robots.
+
+A model that was spawned as URDF with movable joints is a robot. The links of all others
+are objects, except for the floor: a static plane at height 0.
+
+Publishes: ~scene (std_msgs/String): an SDF world of all objects, when models come, go
+    or change; ~object_states (gazebo_msgs/LinkStates): the objects that have moved;
+    ~world_markers (visualization_msgs/MarkerArray): what has changed or moved; while
+    there are subscribers, and whole to each new one
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from gazebo_msgs.msg import LinkStates
+from std_msgs.msg import String
+from visualization_msgs.msg import MarkerArray
+
+from g1_description.errors import InvalidValueError
+from g1_description.gazebo.shape_markers import ShapeMarkers, deleted
+from g1_description.render.patches import object_shapes
+from g1_description.robot.assembly import SCOPE
+from g1_description.robot.rotation import rotate
+from g1_description.ros.log import ThrottledLog
+from g1_description.ros.publisher import DirectPublisher
+from g1_description.ros.wire import LinkStatesEncoder, ready
+from g1_description.scenes.objects import SceneObject
+from g1_description.scenes.scene import Scene
+from g1_description.scenes.scene_file import sdf_of
+from g1_description.sim.model import Model, States
+from g1_description.sim.world import World
+
+PERIOD = 0.04
+"""Shortest time between two messages of a topic, in [s] of wall time."""
+
+REST = 9.0
+"""Shortest time from one message to the next, as a multiple of that spent on the first:
+many objects take at most a tenth of the loop."""
+
+REFRESH_PERIOD = 2.0
+"""Time after which all markers are sent again, in [s] of wall time: RViz drops those of
+namespaces that are switched off."""
+
+MOVED = 1e-6
+"""Smallest change of a pose that is published, in [m] or of a quaternion."""
+
+QUEUE_SIZE = 100
+"""Messages queued for a slow subscriber: four seconds."""
+
+UP = (0.0, 0.0, 1.0)
+
+
+class _Topic(DirectPublisher):
+    """A topic that knows of new subscribers."""
+
+    def __init__(self, name: str, kind: type) -> None:
+        self._newcomer = threading.Event()
+        super().__init__(name, kind, QUEUE_SIZE, on_newcomer=self._newcomer.set)
+
+    @property
+    def is_heard(self) -> bool:
+        """Whether there are subscribers."""
+        return self.get_num_connections() > 0
+
+    def takes_newcomers(self) -> bool:
+        """Return whether subscribers have come since the last call."""
+        has_some = self._newcomer.is_set()
+        self._newcomer.clear()
+        return has_some
+
+
+class ObjectTopics:
+    """Publishes the objects of a world."""
+
+    def __init__(self, world: World, log: ThrottledLog) -> None:
+        """Advertise the topics.
+
+        Args:
+            world: Source of the objects.
+            log: For objects that cannot be shown.
+        """
+        self._world, self._log = world, log
+        self._due = self._refreshed = -math.inf
+        self._objects: Objects | None = None
+        self._sent = np.zeros((0, 7))
+        self._encoder = LinkStatesEncoder()
+        self._scene = _Topic("~scene", String)
+        self._states = _Topic("~object_states", LinkStates)
+        self._markers = _Topic("~world_markers", MarkerArray)
+        self._topics = self._scene, self._states, self._markers
+
+    def publish(self) -> None:
+        """Publish what has changed, if it is due; to be called at each step."""
+        now = time.monotonic()
+        if now < self._due:
+            return
+        self._due = now + PERIOD
+        if not any(topic.is_heard for topic in self._topics):
+            self._objects = None
+            return
+        for topic in self._topics:
+            topic.flush()
+        before, objects = self._objects, self._objects
+        if objects is None or not objects.are_those_of(self._world):
+            objects = self._objects = Objects(self._world, self._log)
+        self._publish(objects, before, now)
+        spent = time.monotonic() - now
+        self._due = now + max(PERIOD, (1.0 + REST) * spent)
+
+    def _publish(self, objects: Objects, before: Objects | None, now: float) -> None:
+        """Publish objects; ``before`` are those of the last time."""
+        poses, twists = objects.states()
+        every = np.ones(len(poses), dtype=bool)
+        is_new = objects is not before
+        moved = every if is_new else np.abs(poses - self._sent).max(axis=1) > MOVED
+        self._sent = (
+            np.where(moved[:, None], poses, self._sent) if not is_new else poses
+        )
+        if self._scene.takes_newcomers() or (is_new and self._scene.is_heard):
+            self._scene.publish(String(sdf_of(objects.at(poses))))
+        rows = every if self._states.takes_newcomers() else moved
+        if rows.any() and self._states.is_heard:
+            names = objects.names
+            if not rows.all():
+                names = tuple(name for name, is_sent in zip(names, rows) if is_sent)
+            data = self._encoder.encode(names, poses[rows], twists[rows])
+            self._states.publish(ready(data))
+        is_due = now > self._refreshed + REFRESH_PERIOD
+        self._refreshed = now if is_due else self._refreshed
+        is_whole = self._markers.takes_newcomers() or is_due
+        if self._markers.is_heard:
+            markers = objects.markers.at(poses, every if is_whole else moved)
+            if is_new and before:
+                gone = dict.fromkeys(before.markers.keys)
+                for key in objects.markers.keys:
+                    gone.pop(key, None)
+                markers = [*deleted(gone), *markers]
+            if markers:
+                count = struct.pack("<I", len(markers))
+                self._markers.publish(ready(count + b"".join(markers)))
+
+
+class Objects:
+    """The objects of a world, which are the same until models come, go or change."""
+
+    def __init__(self, world: World, log: ThrottledLog) -> None:
+        """List the objects.
+
+        Args:
+            world: The world.
+            log: For objects that cannot be shown.
+        """
+        self._known = world.link_names, [m.assembly for m in world.models.values()]
+        self._models = [
+            model
+            for model in world.models.values()
+            if not _is_robot(model) and not _is_floor(model)
+        ]
+        self._rows = np.arange(sum(len(model.link_names) for model in self._models))
+        scene, rows, wrong = Scene(), [], []
+        for row, each in enumerate(self._made()):
+            try:
+                scene.add(each)
+                rows.append(row)
+            except InvalidValueError as error:
+                wrong.append(str(error))
+        if wrong:
+            log.warn("objects", f"{len(wrong)} objects are not shown: {wrong[0]}")
+        self._rows = np.array(rows, dtype=int)
+        self._objects = [*scene.values()]
+        self.names = tuple(scene)
+        """Their names."""
+        self.markers = ShapeMarkers(object_shapes(self._objects))
+        """Their markers."""
+        for message in self.markers.left_out:
+            log.warn(message, message)
+
+    def are_those_of(self, world: World) -> bool:
+        """Return whether no model has come, gone or changed."""
+        names, assemblies = self._known
+        return names is world.link_names and all(
+            known is model.assembly
+            for known, model in zip(assemblies, world.models.values())
+        )
+
+    def states(self) -> States:
+        """Collect the present states.
+
+        Returns:
+            Poses, shape (n_objects, 7), and twists along the world's axes, shape
+            (n_objects, 6).
+        """
+        poses = [np.zeros((0, 7)), *(model.poses for model in self._models)]
+        twists = [np.zeros((0, 6)), *(model.twists for model in self._models)]
+        return np.concatenate(poses)[self._rows], np.concatenate(twists)[self._rows]
+
+    def at(self, poses: np.ndarray) -> list[SceneObject]:
+        """Return the objects at poses in the world, shape (n_objects, 7)."""
+        return [replace(each, pose=at) for each, at in zip(self._objects, poses)]
+
+    def _made(self) -> Iterator[SceneObject]:
+        """Make an object of each link; a static one has no mass."""
+        poses = iter(self.states()[0])
+        for model in self._models:
+            is_one = len(model.link_names) == 1
+            for name in model.link_names:
+                own = model.name if is_one else model.name + SCOPE + name
+                link = replace(model.links[name], name=own)
+                if model.assembly.static:
+                    link = replace(link, inertial=None)
+                yield SceneObject(link, next(poses))
+
+
+def _is_robot(model: Model) -> bool:
+    """Return whether a model is a robot."""
+    return bool(model.assembly.description.urdf and model.joint_names)
+
+
+def _is_floor(model: Model) -> bool:
+    """Return whether a model is the floor: RViz and the browser have one."""
+    if not model.assembly.static or len(model.link_names) != 1:
+        return False
+    link, pose = model.links[model.link_names[0]], model.poses[0]
+    return bool(link.collisions) and all(
+        shape.kind == "plane"
+        and np.allclose(
+            rotate(pose[3:], rotate(shape.pose[3:], np.array(shape.size))), UP
+        )
+        and abs(pose[2] + rotate(pose[3:], shape.pose[:3])[2]) < MOVED
+        for shape in link.collisions
+    )
