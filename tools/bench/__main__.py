@@ -48,6 +48,7 @@ from .graph import (
 from .history import kept
 from .html import html
 from .ik import ik
+from .objects import objects
 from .peer import Peer
 from .physics import physics
 from .rewind import rewind
@@ -824,6 +825,7 @@ PARTS = {
         folder,
         page,
         browser,
+        objects,
         html,
         rewind,
     )

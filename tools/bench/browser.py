@@ -55,7 +55,7 @@ def browser(bench):
     with bench.attempt("the page in a browser"):
         for busy in (False, True):
             cores = os.cpu_count() * busy
-            with page_of_motion() as address, burners(cores), chromium() as opened:
+            with page_of_motion() as (address, _), burners(cores), chromium() as opened:
                 measure(bench, opened, address, ", all cores busy" * busy)
 
 
@@ -85,16 +85,16 @@ def measure(bench, opened, address, when):
 
 
 @contextmanager
-def page_of_motion():
-    """Run the command; give its address."""
+def page_of_motion(*options):
+    """Run the command with further options; give its address and its process."""
     port = free_port()
     command = [sys.executable, str(ROOT / "scripts" / "web"), "--motion", str(MOTION)]
-    with subprocess.Popen([*command, "--port", str(port)]) as process:
+    with subprocess.Popen([*command, *options, "--port", str(port)]) as process:
         try:
             wait_for(lambda: is_open(port) or process.poll() is not None, "the page")
             if process.poll() is not None:
                 raise MeasurementError("web has ended")
-            yield f"http://127.0.0.1:{port}/"
+            yield f"http://127.0.0.1:{port}/", process.pid
         finally:
             process.terminate()
 

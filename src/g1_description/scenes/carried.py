@@ -148,13 +148,14 @@ def object_poses(
         T_map_object, shape (n, n_objects, 7).
     """
     poses = np.empty((len(times), len(holds), 7))
+    names = {hold.link for some in holds for hold in some if hold.link}
+    links = {name: link_poses(name, times) for name in names}
     for column, some in enumerate(holds):
         number = np.searchsorted([hold.begin for hold in some], times, "right") - 1
         for row, hold in enumerate(some):
             now = number == row
-            if hold.link and now.any():
-                links = link_poses(hold.link, times[now])
-                poses[now, column] = compose(links, hold.pose)
+            if hold.link:
+                poses[now, column] = compose(links[hold.link][now], hold.pose)
             else:
                 poses[now, column] = hold.pose
     return poses

@@ -175,7 +175,7 @@ class Page:
             for body in bodies:
                 body.on_click(partial(self._name, body))
             with tabs.add_tab("View"):
-                self._view = ViewPanel(page, bodies, self._one_file)
+                self._view = ViewPanel(page, bodies, self._objects, self._one_file)
                 self._add_keys()
             with tabs.add_tab("Plots"):
                 PlotPanel(page)

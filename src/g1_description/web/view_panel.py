@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from g1_description.errors import G1DescriptionError
 from g1_description.web.panel import Key, PageContext, Panel
+from g1_description.web.scene.objects import SceneObjects
 from g1_description.web.scene.robot import SceneRobot
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ class ViewPanel(Panel):
         self,
         page: PageContext,
         robots: Sequence[SceneRobot],
+        objects: Sequence[SceneObjects],
         share: Callable[[], str],
     ) -> None:
         """Add the panel where the GUI is.
@@ -32,9 +34,10 @@ class ViewPanel(Panel):
         Args:
             page: What it shares with others.
             robots: All robots.
+            objects: Those around the robots.
             share: Writes a page of what is shown; it may block.
         """
-        self._robots, self._make_page = robots, share
+        self._robots, self._objects, self._make_page = robots, objects, share
         self._pictured: set[int] = set()
         """Browsers whose picture is awaited."""
         super().__init__(page)
@@ -52,6 +55,7 @@ class ViewPanel(Panel):
         self._switch("Collision shapes", False, each(SceneRobot.show_collisions))
         self._switch("Frames", False, each(lambda r, on: r.tree.show_axes(on)))
         self._switch("Names of links", False, each(SceneRobot.show_names))
+        self._switch("Objects", True, self._show_objects)
         self._switch("Floor", True, stage.show_floor)
         self._switch("Axes of the map", False, stage.show_axes)
         self.follows = self._switch("Follow the robot", False)
@@ -72,6 +76,11 @@ class ViewPanel(Panel):
     def hotkeys(self) -> list[Key]:
         """List its keys."""
         return [Key("F", "follow the robot, or do not", self.toggle_follow, "F")]
+
+    def _show_objects(self, shown: bool) -> None:
+        """Show the objects around the robots, or hide them."""
+        for objects in self._objects:
+            objects.show_all(shown)
 
     def _arrange(self, is_overlay: bool) -> None:
         """Draw all robots at the same place, or next to each other."""

@@ -81,15 +81,9 @@ class SceneObjects:
         self._count = 0
         self._act: Callable[[str], object] | None = None
 
-    @property
-    def visible(self) -> bool:
-        """Whether they are visible."""
-        return bool(self._root.visible)
-
-    @visible.setter
-    def visible(self, visible: bool) -> None:
-        """Show or hide all."""
-        self._root.visible = visible
+    def show_all(self, shown: bool) -> None:
+        """Show all objects, or hide them."""
+        self._root.visible = shown
 
     def place(self, offset: np.ndarray) -> None:
         """Shift all objects by an offset in the map, in [m], shape (3,)."""
@@ -115,8 +109,12 @@ class SceneObjects:
                 self._drawn[name] = _Drawn(self._add(name, seen, poses[name]), seen)
                 self._poses[name] = poses[name]
             elif poses[name] is not self._poses[name]:
-                pose = self._poses[name] = poses[name]
-                drawn.frame.position, drawn.frame.wxyz = pose[:3], wxyz(pose)
+                before, pose = self._poses[name], poses[name]
+                self._poses[name] = pose
+                if (before[:3] != pose[:3]).any():  # viser compares ten times as long
+                    drawn.frame.position = pose[:3]
+                if (before[3:] != pose[3:]).any():
+                    drawn.frame.wxyz = wxyz(pose)
 
     def on_click(self, act: Callable[[str], object]) -> None:
         """Set an action for clicks on objects that come, which gets their names."""
