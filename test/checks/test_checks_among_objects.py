@@ -118,3 +118,21 @@ def test_objects_collide_while_they_are_carried():
     scene.attach("tray", "left_hand", begin=4.0)
     with pytest.raises(UnknownNameError, match="left_hand"):
         ROBOT.check(motion, scene=scene)
+
+
+def test_what_is_carried_has_its_mass():
+    scene, motion = Scene(), climb(rise=0.0)
+    scene.box("tray", [0.2, 0.2, 0.1], [1.0, 0.0, 0.5], mass=10.2)  # as the robot
+    scene.attach("tray", "body", begin=5.0)
+    alone, loaded = (ROBOT.check(motion, scene=one) for one in (Scene(), scene))
+    moved = (loaded.measured.balance.center - alone.measured.balance.center)[:, 0]
+    assert (moved[TIMES < 5.0] == 0.0).all()
+    place = alone.measured.balance.center[-1, 0]
+    assert moved[TIMES > 5.0] == pytest.approx(0.5 * (1.0 - place), abs=1e-6)
+    assert "center_of_mass" in {finding.check for finding in loaded.findings}
+    fixed = ROBOT.check(motion, fixed_base=True, scene=scene).measured.efforts
+    assert fixed[-1] == pytest.approx(fixed[0])  # the legs do not carry it
+    scene.detach("tray")
+    scene.attach("tray", "left")
+    fixed = ROBOT.check(motion, fixed_base=True, scene=scene).measured.efforts
+    assert abs(fixed[0, 1] - fixed[0, 3]) == pytest.approx(10.2 * 9.8, rel=1e-6)

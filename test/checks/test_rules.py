@@ -5,7 +5,8 @@ import pytest
 from checked import POST as TEXT
 from checked import assert_as_kept, post_motion
 
-from g1_description.checks.measured import CHUNK, CheckedRobot, measure
+from g1_description.checks.measured import CHUNK, CheckedRobot
+from g1_description.checks.measuring import measure
 from g1_description.checks.rule import Rule
 from g1_description.checks.rules import RULES
 from g1_description.checks.rules.self_collision import per_pair

@@ -11,7 +11,8 @@ import numpy as np
 
 from g1_description.checks.ground_samples import drifts
 from g1_description.checks.intervals import intervals, time_share
-from g1_description.checks.measured import CheckedRobot, Measured, measure
+from g1_description.checks.measured import CheckedRobot, Measured
+from g1_description.checks.measuring import measure
 from g1_description.checks.rule import Rule
 from g1_description.checks.rules import RULES
 from g1_description.checks.rules.ground import slides

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +13,10 @@ from g1_description.checks.surfaces import Surfaces
 from g1_description.checks.thresholds import Level, Thresholds
 from g1_description.collisions.contacts import Contacts
 from g1_description.collisions.obstacles import Obstacles
-from g1_description.robot.description import Description
+from g1_description.robot.description import Description, Inertial, Link
+from g1_description.robot.dynamics import Masses
+from g1_description.robot.lumping import combine_inertials
+from g1_description.robot.transform import IDENTITY
 from g1_description.scenes.carried import Hold, LinkPoses, holds_of, object_poses
 
 MARGIN = 0.05
@@ -54,7 +59,7 @@ class Surroundings:
         if present is not None:
             pairs = zip(objects, present)
             objects = [replace(x, pose=pose, attachments=()) for x, pose in pairs]
-        self.obstacles = obstacles
+        self.obstacles, self._objects = obstacles, objects
         self.holds = holds_of(objects, robot, link_poses)
         starts = np.array([each.pose for each in objects]).reshape(-1, 7)
         self.surfaces = Surfaces(obstacles, starts, thresholds.floor_height)
@@ -100,6 +105,42 @@ class Surroundings:
                 found[:, column] = [bool(some[n].link) for n in numbers(some, times)]
         return found
 
+    def loads(
+        self, robot: Description, times: np.ndarray
+    ) -> list[tuple[slice, Masses]]:
+        """Find the masses of the robot with what it carries.
+
+        Args:
+            robot: The robot.
+            times: Successive ones, in [s], shape (n,).
+
+        Returns:
+            Rows of the times, and the masses in these.
+        """
+        heavy = [
+            row
+            for row, some in enumerate(self.holds)
+            if self._objects[row].mass and any(hold.link for hold in some)
+        ]
+        held = [numbers(self.holds[row], times) for row in heavy]
+        keys = np.stack([*held, np.zeros(len(times), dtype=int)], axis=1)
+        starts = np.flatnonzero((keys[1:] != keys[:-1]).any(axis=1)) + 1
+        bounds = [0, *starts.tolist(), len(times)]
+        found = []
+        for first, last in zip(bounds, bounds[1:]):
+            loads = defaultdict(list)
+            for row, number in zip(heavy, keys[first]):
+                hold, inertial = (
+                    self.holds[row][number],
+                    self._objects[row].link.inertial,
+                )
+                if hold.link and inertial is not None:
+                    loads[hold.link].append((inertial, hold.pose))
+            links = [_loaded(link, loads[link.name]) for link in robot.links]
+            masses = Masses(replace(robot, links=tuple(links)))
+            found.append((slice(first, last), masses))
+        return found
+
     def without_supports(
         self, contacts: Contacts, ground: GroundSamples | None
     ) -> Contacts:
@@ -112,6 +153,12 @@ class Surroundings:
         stood = np.unique(ground.below[ground.in_contact])
         tops = self.surfaces.holds(contacts)
         return contacts[np.flatnonzero((tops < 0) | ~np.isin(tops, stood))]
+
+
+def _loaded(link: Link, loads: Sequence[tuple[Inertial, np.ndarray]]) -> Link:
+    """Add inertials, with their poses in its frame, to a link."""
+    own = [] if link.inertial is None else [(link.inertial, IDENTITY)]
+    return replace(link, inertial=combine_inertials([*own, *loads])) if loads else link
 
 
 def numbers(holds: list[Hold], times: np.ndarray) -> np.ndarray:
