@@ -2,10 +2,13 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from g1_description import Robot, Scene
+from g1_description import Robot, Scene, Target
 from g1_description.collisions.obstacles import Obstacles
 from g1_description.errors import G1DescriptionError
+from g1_description.robot.rotation import rotate
+from g1_description.robot.transform import compose, inverse
 
 BASE = np.array([0.0, 0.0, 0.7634, 0.0, 0.0, 0.0, 1.0])
 WHOLE = {"balance": True, "avoid_collisions": True, "floor": 0.0}
@@ -82,6 +85,65 @@ def test_feet_stand_on_what_is_flat(g1, standing):
         center = g1.center_of_mass(found.positions, found.base)[1]
         both = center - g1.center_of_mass(low.positions, low.base)[1]
         assert (found.reached and both > 0.01 and center < middle) == is_between
+
+
+def test_targets_are_relative_to_objects_wherever_these_are_carried(g1, standing):
+    links, palm = g1.link_poses(standing, BASE), g1.profile.points["left_palm"]
+    right = links[g1.profile.links["right_hand"]]
+    scene, turned = Scene(), [0.3, 0.1, 0.9, *Rotation.from_rotvec([0, 0, 1]).as_quat()]
+    scene.box("box", [0.1, 0.2, 0.1], turned, may_touch=["left_hand"])
+    beside = Target([0, 0.12, 0], direction=[0, -1, 0], relative_to="box")
+
+    def is_beside(found, pose):
+        hand = g1.link_poses(found.positions, found.base)[palm.link]
+        relative = compose(inverse(pose), hand)
+        place = relative[:3] + rotate(relative[3:], np.array(palm.point))
+        faces = rotate(relative[3:], palm.axis / np.linalg.norm(palm.axis))
+        assert np.abs(place - beside.position).max() < 1.5e-3
+        assert faces @ beside.direction > np.cos(np.radians(0.6))
+
+    found = g1.ik({"left_palm": beside}, standing, BASE, scene=scene)
+    assert found.reached
+    is_beside(found, scene["box"].pose)
+    # The right hand carries it from the start, or from 0.3 s on.
+    grip = np.array([0.1, 0.15, 0.05, 0.0, 0.0, 0.0, 1.0])
+    scene.move("box", compose(right, grip))
+    moved = right + np.array([0.1, 0.05, 0.1, 0.0, 0.0, 0.0, 0.0])
+    times = np.linspace(0.0, 2.0, 41)
+    share = np.clip(times - 0.5, 0.0, 1.0)[:, np.newaxis]
+    way = {"right_hand": right + share * (moved - right), "left_palm": beside}
+    for begin in (-np.inf, 0.3):
+        scene.detach("box")
+        scene.attach("box", "right_hand", begin)
+        both = {**way, "right_hand": moved}
+        if begin < 0.0:
+            found = g1.ik(both, standing, BASE, scene=scene)
+            assert found.reached
+            is_beside(found, compose(moved, grip))
+        for smooth in (True, False):
+            path = g1.ik_trajectory(
+                times, way, standing, BASE, scene=scene, smooth=smooth
+            )
+            assert path.results[-1].reached
+            is_beside(path.results[-1], compose(moved, grip))
+
+
+@pytest.mark.parametrize(
+    ("relative_to", "problem"),
+    [
+        ("boks", "Unknown object 'boks'. Known objects: box"),
+        ("box", "left_palm is relative to box, which it carries: give its place in"),
+        (3, "relative_to of left_palm must be the name of an object"),
+    ],
+)
+def test_what_a_target_cannot_be_relative_to_is_named(g1, relative_to, problem):
+    scene, target = Scene(), {"left_palm": Target([0, 0, 0], relative_to=relative_to)}
+    scene.box("box", [0.1, 0.1, 0.1], [0.3, 0.3, 1])
+    scene.attach("box", "left_hand")
+    with pytest.raises(G1DescriptionError, match=problem):
+        g1.ik(target, scene=scene)
+    with pytest.raises(G1DescriptionError, match=r"give a scene that|relative_to of"):
+        g1.ik(target)
 
 
 @pytest.mark.parametrize(

@@ -31,6 +31,7 @@ from g1_description.ik.solver import (
     IkConstraints,
     IkSolver,
     Linearization,
+    last,
     search,
 )
 from g1_description.ik.supports import found_supports
@@ -61,6 +62,13 @@ ZMP = "zmp"
 
 DISTANCE = 0.002
 """Least distance of links from each other, in [m]."""
+
+SOON = 1e-9
+"""Time in [s] that is after a start at 0 s."""
+
+ROUNDS = 3
+"""Searches for targets relative to objects that are carried, each of which goes where
+the one before has carried these."""
 
 BASES = {
     "free": np.ones(6),
@@ -241,8 +249,7 @@ class InverseKinematics:
             UnknownNameError: If a link is unknown.
             InvalidValueError: If a target is not a pose, or balance has no support.
         """
-        (found,) = self.pieces(targets, positions, base, options, starts, begin)
-        return found
+        return last(self.pieces(targets, positions, base, options, starts, begin))
 
     def pieces(
         self,
@@ -269,14 +276,20 @@ class InverseKinematics:
             The best configuration after each piece; at last that of ``solve``.
         """
         start = self._configuration(positions, base)
-        moved = self._tasks(targets, options, start)
-        tasks, bounds = self._problem(moved, start, options)
-        bounds = bounds.at(0, self._course(np.zeros(1), start))
         first = start if begin is None else self._configuration(*begin)
-        given = tuple(tasks.values()), bounds, start.position
-        steps = search(self._solver, first, *given, starts)
-        while piece := deque(islice(steps, most), maxlen=1):
-            yield self._result(tasks, *piece.pop())
+        at_start = course = self._course(np.zeros(1), start)
+        for _ in range(ROUNDS if has_carried(targets, options.scene) else 1):
+            moved = self._tasks(targets, options, start, course=course)
+            tasks, bounds = self._problem(moved, start, options)
+            bounds = bounds.at(0, at_start)
+            given = tuple(tasks.values()), bounds, start.position
+            steps = search(self._solver, first, *given, starts)
+            while piece := deque(islice(steps, most), maxlen=1):
+                view, count = piece.pop()
+                yield self._result(tasks, view, count)
+            first, poses = view.configuration, view.jacobians.link_poses
+            both = np.stack([at_start.link_poses[0], poses])
+            course = Course(np.array([0.0, SOON]), both)
 
     def _problem(
         self,
@@ -395,8 +408,10 @@ class InverseKinematics:
         options: IkOptions,
         start: Configuration,
         times: np.ndarray | None = None,
+        course: Course | None = None,
     ) -> dict[str, LinkTask]:
         """Read targets, with the axis of the samples of a path if there are times."""
+        course = course or self._course(np.zeros(1), start)
         check_mapping("targets", targets)
         weights, points = options.weights or {}, options.points or {}
         for option, given in (("weight", weights), ("point", points)):
@@ -416,10 +431,39 @@ class InverseKinematics:
                 raise InvalidValueError(f"{other} and {name} are the same link.")
             target = self._completed(name, as_target(name, given), points.get(name))
             task = read_task(name, target, row, times)
+            if target.relative_to is not None:
+                of = self._frame(name, row, target.relative_to, options, times, course)
+                task = task.in_frame(of)
             check_places(name, task, start.root[:3], poses[row], times)
             weight = _weight(name, weights.get(name, 1.0))
             tasks[name] = task._replace(weights=min(weight, HARD) * task.weights)
         return tasks
+
+    def _frame(
+        self,
+        name: str,
+        row: int,
+        of: str,
+        options: IkOptions,
+        times: np.ndarray | None,
+        course: Course,
+    ) -> np.ndarray:
+        """Find the pose of the object to which a target is relative, in each sample."""
+        if options.scene is None:
+            raise InvalidValueError(
+                f"The target of {name} is relative to {of}: give a scene that has it."
+            )
+        around = self.surroundings(options.scene)
+        at = np.array([SOON]) if times is None else times
+        poses, carriers = around.frame_of(of, at, course)
+        own = carriers == self.links[row]
+        if own.any():
+            when = "" if times is None else f" at {times[int(np.argmax(own))]:.2f} s"
+            raise InvalidValueError(
+                f"The target of {name} is relative to {of}, which it carries{when}: "
+                "give its place in the map."
+            )
+        return poses[0] if times is None else poses
 
     def _completed(self, name: str, target: Target, point: Any) -> Target:
         """Give a target the point of an option, or a named point with its axis."""
@@ -487,6 +531,13 @@ class InverseKinematics:
             steps,
             message,
         )
+
+
+def has_carried(targets: Mapping[str, Any], scene: Scene | None) -> bool:
+    """Return whether a target is relative to an object that links carry."""
+    given = targets.values() if isinstance(targets, Mapping) else ()
+    names = [str(one.relative_to) for one in given if isinstance(one, Target)]
+    return any(scene and n in scene and scene[n].attachments for n in names)
 
 
 def _names(given: Any) -> list[str]:

@@ -21,7 +21,7 @@ from g1_description.robot.description import Description
 from g1_description.robot.jacobians import Jacobians
 from g1_description.robot.rotation import normalized
 from g1_description.robot.transform import compose
-from g1_description.scenes.carried import LinkPoses, holds_of
+from g1_description.scenes.carried import LinkPoses, holds_of, object_poses
 from g1_description.scenes.scene import Scene
 
 DISTANCE = 0.002
@@ -106,6 +106,29 @@ class Surroundings:
             carriers[:, column] = rows[numbers]
             poses[:, column] = np.array([hold.pose for hold in some])[numbers]
         return Held(carriers, poses)
+
+    def frame_of(
+        self, name: str, times: np.ndarray, course: Course
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Find out where an object is, and what carries it.
+
+        Args:
+            name: The object.
+            times: As for ``held``.
+            course: Likewise.
+
+        Returns:
+            T_map_object, shape (n, 7), and names of links, empty for none, shape (n,).
+
+        Raises:
+            UnknownNameError: If there is none of the name.
+        """
+        links = _links(course, self.obstacles.names)
+        holds = holds_of([self.scene[name]], self._description, links)
+        begins = [hold.begin for hold in holds[0]]
+        numbers = np.searchsorted(begins, times, "right") - 1
+        carriers = np.array([hold.link for hold in holds[0]])[numbers]
+        return object_poses(holds, times, links)[:, 0], carriers
 
     def stood_on(
         self, tasks: Sequence[LinkTask], link_poses: np.ndarray

@@ -10,14 +10,23 @@ import numpy as np
 
 from g1_description.errors import InvalidValueError
 from g1_description.ik.inverse_kinematics import (
+    ROUNDS,
     ZMP,
     IkOptions,
     IkResult,
     InverseKinematics,
+    has_carried,
 )
 from g1_description.ik.limits import Course, TrajectoryBounds, limit_name
 from g1_description.ik.sampled import Problem
-from g1_description.ik.solver import TOLERANCE, Linearization, descend, last, search
+from g1_description.ik.solver import (
+    TOLERANCE,
+    Configuration,
+    Linearization,
+    descend,
+    last,
+    search,
+)
 from g1_description.ik.targets import as_target, of_samples
 from g1_description.ik.tasks import LinkTask
 from g1_description.ik.trajectory import Candidate, Trajectory
@@ -113,11 +122,25 @@ class PathKinematics(InverseKinematics):
         """
         _check_times(times)
         start = self._configuration(positions, base)
-        ways = self._tasks(_at(times, targets), options, start, times)
+        found, course = self._followed(times, targets, options, start, None)
+        for _ in range(ROUNDS - 1 if has_carried(targets, options.scene) else 0):
+            found, course = self._followed(times, targets, options, start, course)
+        return found
+
+    def _followed(
+        self,
+        times: np.ndarray,
+        targets: Mapping[str, Any],
+        options: IkOptions,
+        start: Configuration,
+        course: Course | None,
+    ) -> tuple[IkPath, Course]:
+        """Follow targets sample after sample, relative to objects as in a course."""
+        ways = self._tasks(_at(times, targets), options, start, times, course)
         tasks, constraints = self._problem(ways, start, options, times)
         given = [task.at(0) for task in tasks.values()]
-        course = self._course(times[:1], start)
-        first, posture = constraints.at(0, course), start.position
+        first = constraints.at(0, self._course(times[:1], start))
+        posture = start.position
         view, steps = last(search(self._solver, start, given, first, posture))
         results, links = [self._result(tasks, view, steps)], [view.jacobians.link_poses]
         for row, duration in enumerate(np.diff(times), start=1):
@@ -133,7 +156,8 @@ class PathKinematics(InverseKinematics):
             view, steps = last(descend(self._solver, first_view, posture, PATH_STEPS))
             results.append(self._result(tasks, view, steps))
             links.append(view.jacobians.link_poses)
-        return IkPath(self._motion(times, results), tuple(results))
+        found = IkPath(self._motion(times, results), tuple(results))
+        return found, Course(times, np.array(links))
 
     def trajectory(
         self,
@@ -173,7 +197,24 @@ class PathKinematics(InverseKinematics):
             at_rest = replace(options, balance=True) if is_of_zmp else options
             return self.path(times, targets, positions, base, at_rest)
         start = self._configuration(positions, base)
-        moved = _bounded(self._tasks(_at(times, targets), options, start, times))
+        given = times, targets, options, bounds, start
+        found, course = self._smooth(*given, None)
+        for _ in range(ROUNDS - 1 if has_carried(targets, options.scene) else 0):
+            found, course = self._smooth(*given, course)
+        return found
+
+    def _smooth(
+        self,
+        times: np.ndarray,
+        targets: Mapping[str, Any],
+        options: IkOptions,
+        bounds: TrajectoryBounds,
+        start: Configuration,
+        course: Course | None,
+    ) -> tuple[IkPath, Course]:
+        """Follow targets by a smooth motion, relative to objects as in a course."""
+        ways = self._tasks(_at(times, targets), options, start, times, course)
+        moved = _bounded(ways)
         tasks, constraints = self._problem(moved, start, options, times, True)
         given = times, [*tasks.values()], constraints, start, bounds, self._speed
         search_ = Trajectory(self._solver, Problem(*given))
@@ -188,7 +229,8 @@ class PathKinematics(InverseKinematics):
             )
             reason = self._reason(search_, found, views, largest)
             reason += self._excesses(times, views)
-        return IkPath(self._motion(times, results), tuple(results), reason)
+        path = IkPath(self._motion(times, results), tuple(results), reason)
+        return path, Course(times, found.view.jacobians.link_poses)
 
     def _reason(
         self,

@@ -71,9 +71,17 @@ class Target:
     """The point, x y z in the frame of the link, in [m], shape (3,). None: that of the
     named point, else its origin."""
 
+    relative_to: str | None = None
+    """Object of the scene in whose frame position, rotation, direction and look_at are,
+    wherever it is carried; None: the world's."""
+
 
 def box_targets(
-    pose: Any, width: Any, left: str = "left_palm", right: str = "right_palm"
+    pose: Any,
+    width: Any,
+    left: str = "left_palm",
+    right: str = "right_palm",
+    relative_to: str | None = None,
 ) -> dict[str, Target]:
     """Put both palms on the sides of a box, facing each other.
 
@@ -83,6 +91,7 @@ def box_targets(
         width: Of the box along its y axis, in [m], a number or of shape (...).
         left: Named point of the left palm, whose axis is where it faces.
         right: That of the right palm.
+        relative_to: Object of the scene in whose frame the pose is; None: the world.
 
     Returns:
         Targets by name; the palms may turn about the line between them.
@@ -100,7 +109,9 @@ def box_targets(
     left_side = rotate(poses[..., 3:], np.array([0.0, 1.0, 0.0]))
     return {
         name: Target(
-            poses[..., :3] + 0.5 * widths[..., np.newaxis] * side, direction=-side
+            poses[..., :3] + 0.5 * widths[..., np.newaxis] * side,
+            direction=-side,
+            relative_to=relative_to,
         )
         for name, side in ((left, left_side), (right, -left_side))
     }
@@ -162,6 +173,11 @@ def read_task(
     Raises:
         InvalidValueError: If the target is invalid.
     """
+    if not isinstance(target.relative_to, (str, type(None))):
+        raise InvalidValueError(
+            f"relative_to of {name} must be the name of an object of the scene (got "
+            f"{str(target.relative_to)[:80]})."
+        )
     given = {form for form in FORMS if getattr(target, form) is not None}
     turned = sorted(given & {"rotation", "direction", "look_at"})
     if len(turned) > 1 or {"rotation", "axis"} <= given:

@@ -19,6 +19,7 @@ from g1_description.robot.rotation import (
     to_rotation_vector,
     turn_between,
 )
+from g1_description.robot.transform import compose
 
 NEAREST = 0.01
 """Distance of a point that an axis points at from the axis' own, in [m]: nearer ones
@@ -62,6 +63,16 @@ class LinkTask(NamedTuple):
             if name in ("pose", "direction", "look_at") and np.ndim(each) == 2
         }
         return self._replace(**rows)
+
+    def in_frame(self, frame: np.ndarray) -> LinkTask:
+        """Return the task in the world, if this one is in a frame, shape (..., 7)."""
+        turn, direction, look_at = frame[..., 3:], self.direction, self.look_at
+        if direction is not None:
+            direction = rotate(turn, direction)
+        if look_at is not None:
+            look_at = frame[..., :3] + rotate(turn, look_at)
+        pose = compose(frame, self.pose)
+        return self._replace(pose=pose, direction=direction, look_at=look_at)
 
     @property
     def is_posed(self) -> bool:
