@@ -18,6 +18,7 @@ from g1_description.ik.splines import (
     basis,
     excess,
     minimized,
+    products_of,
 )
 from g1_description.ik.ways import line
 
@@ -119,6 +120,21 @@ def test_the_zero_moment_point_is_kept_inside_where_that_is_needed(g1, hands):
         g1.ik({"left_hand": targets["left_hand"][0]}, standing, BASE, balance="zmp")
 
 
+def test_hands_that_would_go_through_the_robot_give_way(g1, hands):
+    standing, times, _ = hands
+    times = times[:40]
+    random = np.random.default_rng(1)
+    phases = 9.0 * times[:, np.newaxis] + random.uniform(0.0, 6.0, 6)
+    swing, middle = np.sin(phases)[..., np.newaxis], np.array([0.2, 0.0, 0.8])
+    targets = {
+        name: np.mean(swing * random.normal(size=(6, 3)), axis=1) + middle
+        for name in HANDS
+    }
+    path = g1.ik_trajectory(times, targets, standing, BASE, **WHOLE)
+    near = g1.self_collisions(path.motion.positions, path.motion.base_poses)
+    assert near.distance.min(initial=0.0) > -0.003
+
+
 @pytest.mark.parametrize("smooth", [True, False])
 def test_a_foot_that_steps_supports_the_robot_while_it_stands(g1, smooth):
     standing = g1.named_configuration("stand")
@@ -192,7 +208,7 @@ def test_the_least_squares_are_those_of_scipy():
     seen = basis(np.sort(random.uniform(0.0, 1.0, 40)), 0.0, 1.0 / 6.0, count)
     matrix, goals = random.normal(size=(40, 4, columns)), random.normal(size=(40, 4))
     quadratic = Quadratic(count, columns)
-    quadratic.add_samples(seen, np.swapaxes(matrix, 1, 2) @ matrix)
+    quadratic.add_samples(products_of(seen), np.swapaxes(matrix, 1, 2) @ matrix)
     quadratic.gradient -= seen.T @ np.einsum("nij,ni->nj", matrix, goals)
     for order in range(4):
         weights = np.full((count - order, columns), 0.1 * (order + 1))

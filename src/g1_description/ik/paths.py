@@ -218,8 +218,7 @@ class PathKinematics(InverseKinematics):
         tasks, constraints = self._problem(moved, start, options, times, True)
         given = times, [*tasks.values()], constraints, start, bounds, self._speed
         search_ = Trajectory(self._solver, Problem(*given))
-        found = search_.solve()
-        views = search_.linearizations(found)
+        found, views = search_.solve()
         results = [self._result(tasks, view, found.steps) for view in views]
         missed = [row for row, result in enumerate(results) if not result.reached]
         reason = ""

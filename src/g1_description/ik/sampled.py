@@ -18,7 +18,7 @@ from g1_description.ik.limits import (
     checked_approach,
 )
 from g1_description.ik.solver import Configuration, IkConstraints, IkSolver
-from g1_description.ik.splines import basis
+from g1_description.ik.splines import basis, products_of
 from g1_description.ik.tasks import LinkTask, displaced
 from g1_description.robot.dynamics import GRAVITY, RobotMotion, inverse_dynamics
 from g1_description.robot.jacobians import Jacobians
@@ -104,6 +104,8 @@ class SampledSplines:
         self.weights, *self._rates = (
             basis(*given, order).tocsr() for order in range(3)
         )
+        self.products = products_of(self.weights)
+        """Those of the weights."""
         self.moves = np.append(problem.constraints.base, np.ones(len(start.position)))
         """1 where a column may change, shape (n_columns,)."""
 

@@ -69,6 +69,23 @@ def basis(
     return sparse.csc_matrix((weights.ravel(), (rows, columns.ravel())), shape)
 
 
+def products_of(weights: sparse.spmatrix) -> list[sparse.csr_matrix]:
+    """Multiply how much samples see of control points that are 0 to 3 apart.
+
+    Args:
+        weights: Shape (n, count).
+
+    Returns:
+        Shapes (count, n) to (count - 3, n).
+    """
+    weights = weights.tocsc()
+    count = weights.shape[1]
+    return [
+        weights[:, : count - apart].multiply(weights[:, apart:]).T.tocsr()
+        for apart in range(min(ORDER, count))
+    ]
+
+
 class Quadratic:
     """A quadratic function of control points: ``p @ H @ p / 2 + gradient @ p``.
 
@@ -79,19 +96,18 @@ class Quadratic:
         self.blocks = np.zeros((ORDER, count, columns, columns))
         self.gradient = np.zeros((count, columns))
 
-    def add_samples(self, weights: sparse.spmatrix, squares: np.ndarray) -> None:
+    def add_samples(
+        self, products: Sequence[sparse.spmatrix], squares: np.ndarray
+    ) -> None:
         """Add squares of samples.
 
         Args:
-            weights: How much each sees of control points, shape (n, count).
+            products: Those of how much each sees of control points.
             squares: Their quadratic forms, shape (n, n_columns, n_columns).
         """
-        count, columns = self.gradient.shape
-        flat, weights = squares.reshape(len(squares), -1), weights.tocsc()
-        for apart in range(min(ORDER, count)):
-            both = weights[:, : count - apart].multiply(weights[:, apart:])
-            added = (both.T @ flat).reshape(-1, columns, columns)
-            self.blocks[apart, : count - apart] += added
+        flat, columns = squares.reshape(len(squares), -1), self.gradient.shape[1]
+        for blocks, both in zip(self.blocks, products):
+            blocks[: both.shape[0]] += (both @ flat).reshape(-1, columns, columns)
 
     def add_differences(self, order: int, weights: np.ndarray) -> None:
         """Add squares of differences of control points.
@@ -168,6 +184,10 @@ class Rows:
     lower = -np.inf
 
     @cached_property
+    def _products(self) -> list[sparse.csr_matrix]:
+        return products_of(self.weights)
+
+    @cached_property
     def _ends(self) -> np.ndarray:
         """Where the limits of each sample begin, and the last ones end."""
         return np.searchsorted(self.samples, np.arange(self.weights.shape[0] + 1))
@@ -184,7 +204,7 @@ class Rows:
             self.rates[begin:end].T @ scaled[begin:end]
             for begin, end in zip(self._ends, self._ends[1:])
         ]
-        quadratic.add_samples(self.weights, np.array(squares))
+        quadratic.add_samples(self._products, np.array(squares))
 
     def pulls(self, forces: np.ndarray) -> np.ndarray:
         """Return what forces on the values do to control points."""

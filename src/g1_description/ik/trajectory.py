@@ -67,6 +67,9 @@ DAMPING = 1e-4
 SHORTER = 0.3
 """Factor of the largest change after a step that does not help."""
 
+LONGER = 1.5
+"""Factor after a step that helps."""
+
 LEAST_STEP = 1e-3
 """Largest change, in [rad] or [m], at which steps end."""
 
@@ -84,6 +87,9 @@ SPREAD = 1.0
 
 DIFFERENT = 0.3
 """Difference in a joint from which on a configuration is another one, likewise."""
+
+REPEATS = 6
+"""Most repeats with limits where they were exceeded."""
 
 FINE = 0.3
 """Fraction of the tolerance at which steps end."""
@@ -147,7 +153,26 @@ class Trajectory:
             ControlBounds(2, -changes, changes, BOUND_WEIGHT),
         ]
 
-    def solve(self) -> Candidate:
+    def solve(self) -> tuple[Candidate, list[Linearization]]:
+        """Search a trajectory; limits count at some samples, then around excesses, too.
+
+        Returns:
+            The trajectory, and each sample of it without rates.
+        """
+        times, found = self._problem.times, self._best()
+        periods = np.floor((times - times[0]) / PERIOD)
+        for repeat in range(REPEATS + 1):
+            samples = self._linearizations(found)
+            excesses = np.array([sample.excesses for sample in samples])
+            beyond = np.flatnonzero((excesses > TOLERANCE[0]).any(axis=1))
+            if not len(beyond) or repeat == REPEATS:
+                break
+            near = np.flatnonzero(np.isin(periods, periods[beyond]))
+            self._limited = np.union1d(self._limited, near)
+            found = self.improved(self._state(found.view.control))
+        return found, samples
+
+    def _best(self) -> Candidate:
         """Search from the nearest configuration, and from another one if that misses.
 
         Of the others that is improved which promises most.
@@ -253,7 +278,7 @@ class Trajectory:
                 continue
             is_little = after.cost > (1.0 - LEAST_GAIN) * state.cost
             after = after._replace(steps=number)
-            state, largest = after, min(largest / SHORTER, LARGEST_STEP)
+            state, largest = after, min(LONGER * largest, LARGEST_STEP)
             if state.badness < FINE or is_little:
                 break
         return state
@@ -301,7 +326,7 @@ class Trajectory:
             reached += [(each.order, column) for column in columns.tolist()]
         return reached
 
-    def linearizations(self, found: Candidate) -> list[Linearization]:
+    def _linearizations(self, found: Candidate) -> list[Linearization]:
         """Compare each sample with its tasks and limits, without rates."""
         view, given = found.view, self._problem.constraints
         every = np.arange(len(view.roots))
@@ -361,7 +386,8 @@ class Trajectory:
         turned = np.swapaxes(matrix, 1, 2)
         desired = (weights * view.displacements)[..., np.newaxis]
         quadratic = Quadratic(*control.shape)
-        quadratic.add_samples(self._splines.weights, self._share * (turned @ matrix))
+        squares = self._share * (turned @ matrix)
+        quadratic.add_samples(self._splines.products, squares)
         quadratic.blocks += self._regular.blocks
         quadratic.add_differences(0, np.full(control.shape, DAMPING))
         pulls = (turned @ desired)[..., 0]
