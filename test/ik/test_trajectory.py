@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from robots import BASE
+from robots import BASE, SLIDER
 from scipy.interpolate import BSpline
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
@@ -191,6 +191,16 @@ def test_the_base_may_turn_further_than_half_a_turn(g1):
     )
     assert path.message == ""
     assert_is_within(g1, path.motion, TrajectoryBounds())
+
+
+@pytest.mark.parametrize("smooth", [True, False])
+def test_a_joint_without_velocity_stays(smooth):
+    still = Robot(SLIDER.replace('velocity="0.5"', 'velocity="0"'))
+    link = still.link_names[-1]
+    way = np.linspace([0.0, 0.0, 0.0], [0.3, 0.3, 0.3], 20)
+    times = np.arange(20) / 10.0
+    path = still.ik_trajectory(times, {link: way}, [0.1], smooth=smooth)
+    assert set(path.motion.positions.flat) == {0.1}
 
 
 def test_samples_see_control_points_as_those_of_b_splines():

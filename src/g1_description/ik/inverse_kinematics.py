@@ -211,7 +211,8 @@ class InverseKinematics:
         self._lower = np.array([joint.lower for joint in joints])
         self._upper = np.array([joint.upper for joint in joints])
         speed = np.array([joint.velocity for joint in joints], dtype=float)
-        self._speed = np.where(speed > 0.0, speed, np.inf)  # 0 means unknown
+        self._stays = speed == 0.0
+        self._speed = np.where(self._stays, np.inf, speed)
         self._shapes = [link for link in description.links if link.name != WORLD]
         self.links = [link.name for link in self._shapes]
         self._T_base_root = root_in_base(description)
@@ -345,9 +346,11 @@ class InverseKinematics:
         if around:
             given = np.zeros(1) if times is None else times
             limits.append(ObstacleLimit(around, given, fixed.values(), self._feet))
-        base_freedom = BASES[base_motion]
+        stays_put = self._stays & (times is not None)
+        lower = np.where(stays_put, start.position, self._lower)
+        upper = np.where(stays_put, start.position, self._upper)
         bounds = IkConstraints(
-            self._lower, self._upper, base_freedom, [*limits, *options.limits]
+            lower, upper, BASES[base_motion], [*limits, *options.limits]
         )
         return {**stays, **moved}, bounds
 

@@ -149,8 +149,8 @@ class PathKinematics(InverseKinematics):
             reach = SPEED_SHARE * self._speed * duration
             bounds = replace(
                 constraints.at(row, Course(times[:row], np.array(links))),
-                lower=np.maximum(self._lower, now.position - reach),
-                upper=np.minimum(self._upper, now.position + reach),
+                lower=np.maximum(constraints.lower, now.position - reach),
+                upper=np.minimum(constraints.upper, now.position + reach),
             )
             first_view = self._solver.view(now, given, bounds)
             view, steps = last(descend(self._solver, first_view, posture, PATH_STEPS))

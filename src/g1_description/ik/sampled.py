@@ -93,20 +93,21 @@ class SampledSplines:
     def __init__(self, solver: IkSolver, problem: Problem) -> None:
         """Place the knots."""
         self._solver, self._problem = solver, problem
-        times, start = problem.times, problem.start
+        times = problem.times
         duration = float(times[-1] - times[0])
         knots = max(1, math.ceil(duration / PERIOD - 1e-9))
         self.period = duration / knots
         """Time between knots, in [s]."""
         self.count = knots + 3
         """Number of control points."""
-        given = times, float(times[0]), self.period, self.count
+        knots_at = times, float(times[0]), self.period, self.count
         self.weights, *self._rates = (
-            basis(*given, order).tocsr() for order in range(3)
+            basis(*knots_at, order).tocsr() for order in range(3)
         )
         self.products = products_of(self.weights)
         """Those of the weights."""
-        self.moves = np.append(problem.constraints.base, np.ones(len(start.position)))
+        given = problem.constraints
+        self.moves = np.append(given.base, 1.0 * (given.lower < given.upper))
         """1 where a column may change, shape (n_columns,)."""
 
     @property
