@@ -9,7 +9,7 @@ from scipy.interpolate import BSpline
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
-from g1_description import TrajectoryBounds
+from g1_description import Robot, TrajectoryBounds
 from g1_description.errors import InvalidValueError
 from g1_description.ik.splines import (
     ControlBounds,
@@ -191,6 +191,11 @@ def test_the_base_may_turn_further_than_half_a_turn(g1):
     )
     assert path.message == ""
     assert_is_within(g1, path.motion, TrajectoryBounds())
+    turned[:, 5:] = np.stack([np.sin(yaw), np.cos(yaw)], axis=1)
+    with pytest.raises(InvalidValueError, match="turns by more than 360 degrees"):
+        g1.ik_trajectory(
+            1.5 * times, {"pelvis": turned}, fixed_links=(), base_motion="free"
+        )
 
 
 @pytest.mark.parametrize("smooth", [True, False])

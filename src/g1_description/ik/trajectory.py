@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from g1_description.errors import InvalidValueError
 from g1_description.ik.limits import BatchLimit, Course
 from g1_description.ik.sampled import PERIOD, Problem, SampledSplines, SampledView
 from g1_description.ik.solver import (
@@ -240,6 +241,11 @@ class Trajectory:
             other = turn * (1.0 - 2.0 * np.pi / max(angle, 1e-9))
             if np.linalg.norm(other - before) < np.linalg.norm(turn - before):
                 turn[:] = other  # the same rotation, beyond half a turn
+            if np.linalg.norm(turn - before) > np.pi:  # such vectors end there
+                raise InvalidValueError(
+                    "The base turns by more than 360 degrees from its start: split the "
+                    "trajectory, or give smooth=False."
+                )
         parts = roots[:, :3], turns, [one.position for one in found]
         columns = np.concatenate(parts, axis=1)
         centers = self._splines.centers
