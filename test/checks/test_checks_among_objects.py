@@ -6,13 +6,16 @@ import numpy as np
 import pytest
 
 from g1_description import Robot, Scene
+from g1_description.choices import ENGINES
 from g1_description.errors import UnknownNameError
 
 STILTS = """<robot name="stilts"><link name="body"><inertial><mass value="10"/>
   <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>
   <collision><geometry><box size="0.2 0.2 0.2"/></geometry></collision></link>
   {}</robot>"""
-LEG = """<link name="{0}_slide"/><link name="{0}"><inertial><mass value="0.1"/>
+LEG = """<link name="{0}_slide"><inertial><mass value="0.1"/>
+  <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="{0}"><inertial><mass value="0.1"/>
   <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>
   <collision><geometry><box size="0.3 0.1 0.04"/></geometry></collision></link>
   <joint name="{0}_x" type="prismatic"><parent link="body"/><child link="{0}_slide"/>
@@ -23,6 +26,7 @@ LEG = """<link name="{0}_slide"/><link name="{0}"><inertial><mass value="0.1"/>
   <limit lower="-2" upper="2" effort="99" velocity="9"/></joint>"""
 ROBOT = Robot(STILTS.format(LEG.format("left", 0.2) + LEG.format("right", -0.2)))
 TIMES = np.arange(301) / 50.0
+ON_STEP = np.tile([0.0, 0.0, 0.65, 0.0, 0.0, 0.0, 1.0], (2, 1))
 NAMES = ("left_x", "left_z", "right_x", "right_z")
 
 
@@ -122,7 +126,7 @@ def test_objects_collide_while_they_are_carried():
 
 def test_what_is_carried_has_its_mass():
     scene, motion = Scene(), climb(rise=0.0)
-    scene.box("tray", [0.2, 0.2, 0.1], [1.0, 0.0, 0.5], mass=10.2)  # as the robot
+    scene.box("tray", [0.2, 0.2, 0.1], [1.0, 0.0, 0.5], mass=10.4)  # as the robot
     scene.attach("tray", "body", begin=5.0)
     alone, loaded = (ROBOT.check(motion, scene=one) for one in (Scene(), scene))
     moved = (loaded.measured.balance.center - alone.measured.balance.center)[:, 0]
@@ -135,4 +139,26 @@ def test_what_is_carried_has_its_mass():
     scene.detach("tray")
     scene.attach("tray", "left")
     fixed = ROBOT.check(motion, fixed_base=True, scene=scene).measured.efforts
-    assert abs(fixed[0, 1] - fixed[0, 3]) == pytest.approx(10.2 * 9.8, rel=1e-6)
+    assert abs(fixed[0, 1] - fixed[0, 3]) == pytest.approx(10.4 * 9.8, rel=1e-6)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_the_simulation_has_the_objects(engine):
+    scene = Scene()
+    scene.box("step", [1.0, 1.0, 0.15], [0.0, 0.0, 0.075])
+    scene.box("bag", [0.1, 0.1, 0.1], [0.0, 0.0, 0.75], mass=3.0)
+    scene.box("cube", [0.1, 0.1, 0.1], [0.4, 0.0, 0.2], mass=1.0)
+    scene.attach("bag", "body")
+    legs = {name: np.zeros(2) for name in NAMES}
+    still = ROBOT.trajectory([0.0, 0.5], legs, base=ON_STEP)
+    checker = ROBOT.checker(physics=True, scene=scene, engine=engine)
+    verdict = checker.check(still)
+    assert verdict.passed
+    played = verdict.measured.played
+    assert played.base_poses[-1] == pytest.approx(ON_STEP[-1], abs=2e-3)
+    on_legs = played.efforts[-1, [1, 3]].sum()
+    assert abs(on_legs) == pytest.approx(13.2 * 9.8, rel=0.05)  # body, slides and bag
+    assert played.left_out == ()
+    scene.attach("cube", "body", begin=0.2)
+    notes = ROBOT.checker(physics=True, scene=scene, engine=engine).check(still).notes
+    assert any("cube" in note for note in notes)

@@ -23,6 +23,7 @@ from g1_description.checks.rules.physics import (
     physics_summary,
     saturated_joints,
 )
+from g1_description.checks.simulated import simulate
 from g1_description.checks.surroundings import LEAST_CLEARANCE
 from g1_description.checks.thresholds import Thresholds
 from g1_description.checks.thresholds_file import read_thresholds
@@ -40,7 +41,7 @@ from g1_description.motion.motion import (
 from g1_description.robot.assembly import limbs_of
 from g1_description.robot.description import Description
 from g1_description.robot.state import RobotState
-from g1_description.sim.rollout import Conditions, rollout
+from g1_description.sim.rollout import Conditions
 from g1_description.text import listed, similar_first
 
 
@@ -193,9 +194,8 @@ class Checker:
     def _play(self, measured: Measured, rules: dict[Rule, str]) -> None:
         """Simulate a motion; if that fails, skip the rules that need it."""
         assert self.physics is not None
-        motion = measured.motion
         try:
-            measured.played = rollout(self.description, motion, self.physics)
+            measured.played = simulate(measured, self.physics)
         except G1DescriptionError as error:
             why = str(error).rstrip(".")
             rules.update({rule: why for rule in rules if rule.needs_physics})
@@ -203,7 +203,7 @@ class Checker:
         if saturated_joints(measured):
             freely = replace(self.physics, has_limits=False)
             with suppress(G1DescriptionError):  # their need stays unknown
-                measured.unlimited = rollout(self.description, motion, freely)
+                measured.unlimited = simulate(measured, freely)
 
     def _verdict(
         self, measured: Measured, rules: Mapping[Rule, str], notes: Collection[str]

@@ -59,7 +59,7 @@ class Surroundings:
         if present is not None:
             pairs = zip(objects, present)
             objects = [replace(x, pose=pose, attachments=()) for x, pose in pairs]
-        self.obstacles, self._objects = obstacles, objects
+        self.obstacles, self.objects = obstacles, objects
         self.holds = holds_of(objects, robot, link_poses)
         starts = np.array([each.pose for each in objects]).reshape(-1, 7)
         self.surfaces = Surfaces(obstacles, starts, thresholds.floor_height)
@@ -120,7 +120,7 @@ class Surroundings:
         heavy = [
             row
             for row, some in enumerate(self.holds)
-            if self._objects[row].mass and any(hold.link for hold in some)
+            if self.objects[row].mass and any(hold.link for hold in some)
         ]
         held = [numbers(self.holds[row], times) for row in heavy]
         keys = np.stack([*held, np.zeros(len(times), dtype=int)], axis=1)
@@ -132,7 +132,7 @@ class Surroundings:
             for row, number in zip(heavy, keys[first]):
                 hold, inertial = (
                     self.holds[row][number],
-                    self._objects[row].link.inertial,
+                    self.objects[row].link.inertial,
                 )
                 if hold.link and inertial is not None:
                     loads[hold.link].append((inertial, hold.pose))

@@ -55,6 +55,11 @@ class Conditions:
     has_limits: bool = True
     """Whether motors have limits of effort."""
 
+    objects: tuple[tuple[str, Assembly, np.ndarray], ...] = field(
+        default=(), compare=False
+    )
+    """Names of other models, their links, and their poses in the world."""
+
     rate: float = 200.0
     """Largest number of recorded rows per second of simulated time, in [Hz]."""
 
@@ -168,6 +173,8 @@ def rollout(
     with closing(world):
         world.motions.fall_limits = under.fall_limits
         left_out = world.spawn(robot.name, assembly, pose, under.fixed_base)
+        for name, other, place in under.objects:
+            left_out += world.spawn(name, other, place)
         model = world.model(robot.name)
         played = _complete(model, motion)
         begin, step = float(played.times[0]), world.properties.time_step

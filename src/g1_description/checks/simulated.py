@@ -1,0 +1,75 @@
+"""The objects of a scene in the simulation of a motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from g1_description.checks.measured import Measured
+from g1_description.motion.motion import Motion
+from g1_description.robot.assembly import Assembly
+from g1_description.robot.description import Description, Joint, Link
+from g1_description.scenes.carried import Hold
+from g1_description.sim.rollout import Conditions, Rollout, rollout
+from g1_description.sim.standing import GAP
+from g1_description.text import listed
+
+
+def simulate(measured: Measured, conditions: Conditions) -> Rollout:
+    """Simulate a motion among the objects of its scene.
+
+    Objects without mass are static, others move by themselves; one that a link carries
+    throughout is a part of the link. The robot starts on what is below it.
+
+    Args:
+        measured: The motion, with its surroundings and ground.
+        conditions: Conditions of the simulation.
+
+    Raises:
+        G1DescriptionError: If it cannot be simulated.
+    """
+    robot, motion = measured.robot.description, measured.motion
+    around, ground = measured.surroundings, measured.ground
+    if around is None or ground is None:
+        played = rollout(robot, motion, conditions)
+        if measured.robot.obstacles is None:
+            return played
+        why = "The simulation ignores the objects of the scene."
+        return replace(played, left_out=(*played.left_out, why))
+    free, left_out = [], []
+    for each, holds in zip(around.objects, around.holds):
+        if len(holds) == 1:
+            link = Description(each.name, each.name, (each.link,), ())
+            assembly = Assembly(link, static=each.mass is None)
+            free.append((each.name, assembly, each.pose))
+        elif _is_always_carried(holds, motion):
+            robot = _carrying(robot, each.link, holds[1])
+        else:
+            left_out.append(each.name)
+    lift = GAP - float(ground.heights[0].min())
+    bases = motion.base_poses
+    assert bases is not None, "the ground is known"
+    bases = bases + lift * np.eye(7)[2]
+    placed = replace(conditions, objects=tuple(free), on_floor=False)
+    played = rollout(robot, replace(motion, base_poses=bases), placed)
+    if not left_out:
+        return played
+    why = (
+        "The simulation ignores what links carry for a part of the motion only: "
+        f"{listed(left_out)}."
+    )
+    return replace(played, left_out=(*played.left_out, why))
+
+
+def _is_always_carried(holds: Sequence[Hold], motion: Motion) -> bool:
+    """Return whether one link carries an object throughout."""
+    is_from_start = holds[1].begin <= motion.begin
+    return is_from_start and (len(holds) == 2 or holds[2].begin >= motion.end)
+
+
+def _carrying(robot: Description, link: Link, hold: Hold) -> Description:
+    """Fix an object to the link that carries it."""
+    joint = Joint(f"{link.name} is carried", "fixed", hold.link, link.name, hold.pose)
+    return replace(robot, links=(*robot.links, link), joints=(*robot.joints, joint))
