@@ -113,7 +113,7 @@ def test_carriers_and_what_may_touch_are_left_out():
         frozenset(p) for p in of_links | carried
     }
     scene.attach("table", "nobody")
-    with pytest.raises(G1DescriptionError, match="no link or role 'nobody'"):
+    with pytest.raises(G1DescriptionError, match="names the link nobody"):
         Obstacles(free_links(*[ball(0.1)] * 3), scene)
 
 

@@ -29,7 +29,7 @@ from g1_description.checks.thresholds import Thresholds
 from g1_description.checks.thresholds_file import read_thresholds
 from g1_description.checks.verdict import Verdict, sorted_findings, with_causes
 from g1_description.collisions.find_pairs import collisions_of
-from g1_description.collisions.obstacles import Obstacles, carriers
+from g1_description.collisions.obstacles import Obstacles
 from g1_description.collisions.self_collisions import SelfCollisions
 from g1_description.errors import G1DescriptionError, UnknownNameError
 from g1_description.motion.motion import (
@@ -41,6 +41,7 @@ from g1_description.motion.motion import (
 from g1_description.robot.assembly import limbs_of
 from g1_description.robot.description import Description
 from g1_description.robot.state import RobotState
+from g1_description.scenes.carried import named_link
 from g1_description.sim.rollout import Conditions
 from g1_description.text import listed, similar_first
 
@@ -85,9 +86,9 @@ class Checker:
         """Messages on assumptions about the robot."""
         self._limbs = limbs_of(description)
         if obstacles:  # each object is one of its own, or belongs to what carries it
-            carrier = carriers(description, obstacles.scene)
             for name, each in obstacles.scene.items():
-                link = carrier[each.attachments[0].link] if each.attachments else name
+                link = each.attachments[0].link if each.attachments else ""
+                link = link and named_link(description, link, name)
                 self._limbs[name] = self._limbs.get(link, name)
         self._grouping = {rule.name: rule.grouping for rule in RULES}
         self._robot = CheckedRobot(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -16,12 +16,11 @@ from g1_description.collisions.convex_shapes import (
     robot_shapes,
     turn,
 )
-from g1_description.errors import UnknownNameError
 from g1_description.robot.assembly import rigid_frames
 from g1_description.robot.description import Description
 from g1_description.robot.rotation import rotate
+from g1_description.scenes.carried import named_link
 from g1_description.scenes.scene import Scene
-from g1_description.text import listed, similar_first
 
 TOLERANCE = 5e-5
 """Largest difference of hulls from their shapes, in [m]."""
@@ -150,35 +149,6 @@ class Obstacles(ShapeContacts):
         return [shape for shape in self.shapes if shape.link == row]
 
 
-def carriers(description: Description, scene: Scene) -> Mapping[str, str]:
-    """Look up the links that carry objects.
-
-    Args:
-        description: The robot.
-        scene: Objects, with attachments to links or roles.
-
-    Returns:
-        Names of links by the names in attachments.
-
-    Raises:
-        UnknownNameError: If there is no such link or role.
-    """
-    given = [one.link for each in scene.values() for one in each.attachments]
-    return {name: _link_of(description, name, "carries an object") for name in given}
-
-
-def _link_of(description: Description, name: str, what: str) -> str:
-    """Look up a link by its name or role."""
-    link = description.profile.links.get(name, name)
-    if link not in description.link_names:
-        known = listed(similar_first(name, description.link_names))
-        raise UnknownNameError(
-            f"{description.name} has no link or role '{name}' that {what}. Its links: "
-            f"{known}."
-        )
-    return link
-
-
 def _pairs(description: Description, scene: Scene) -> Iterator[tuple[int, int]]:
     """Yield the rows of links or carried objects, and of objects, that are checked."""
     links = [link.name for link in posed_links(description)]
@@ -187,14 +157,20 @@ def _pairs(description: Description, scene: Scene) -> Iterator[tuple[int, int]]:
         for tree in description.trees
         for link, (body, _) in rigid_frames(tree).items()
     }
-    carrier = carriers(description, scene)
     objects = list(scene.values())
     touching = [
-        _touching(description, scene, each.may_touch, each.name) for each in objects
+        {
+            n if n in scene else named_link(description, n, each.name)
+            for n in each.may_touch
+        }
+        for each in objects
     ]
     for row, each in enumerate(objects, len(links)):
         own = touching[row - len(links)]
-        free = {body[carrier[one.link]] for one in each.attachments}
+        carriers = [
+            named_link(description, a.link, each.name) for a in each.attachments
+        ]
+        free = {body[link] for link in carriers}
         free |= {body[name] for name in own if name in body}
         for number, link in enumerate(links):
             if body[link] not in free:
@@ -206,16 +182,3 @@ def _pairs(description: Description, scene: Scene) -> Iterator[tuple[int, int]]:
                 is_double = bool(thing.attachments) and other <= row
                 if thing is not each and not is_free and not is_double:
                     yield row, other
-
-
-def _touching(
-    description: Description, scene: Scene, names: Collection[str], owner: str
-) -> set[str]:
-    """Look up what may touch an object: links, roles and objects."""
-    found = set()
-    for name in names:
-        is_object = name in scene
-        found.add(
-            name if is_object else _link_of(description, name, f"may touch {owner}")
-        )
-    return found

@@ -101,7 +101,7 @@ def _holds(each: SceneObject, robot: Description, link_poses: LinkPoses) -> list
     """Find out what holds one object."""
     holds, pose = [Hold(-np.inf, "", each.pose)], each.pose
     for one in each.attachments:
-        link = carrying_link(each.name, one.link, robot)
+        link = named_link(robot, one.link, each.name)
         begin, end = link_poses(link, np.array([one.begin, one.end]))
         grip = compose(inverse(begin), pose)
         pose = compose(end, grip)
@@ -112,24 +112,24 @@ def _holds(each: SceneObject, robot: Description, link_poses: LinkPoses) -> list
     return holds
 
 
-def carrying_link(name: str, link: str, robot: Description) -> str:
+def named_link(robot: Description, name: str, owner: str) -> str:
     """Return the link of a name or role.
 
     Args:
-        name: Name of the object that it carries.
-        link: Name of the link, or of a role in the robot's profile.
         robot: The robot.
+        name: Name of the link, or of a role in the robot's profile.
+        owner: Name of the object that names it.
 
     Raises:
         UnknownNameError: If there is none.
     """
     roles: Mapping[str, str] = robot.profile.links
-    found = link if link in robot.link_names else roles.get(link, "")
+    found = name if name in robot.link_names else roles.get(name, "")
     if found not in robot.link_names:
-        known = listed(similar_first(link, [*roles, *robot.link_names]))
+        known = listed(similar_first(name, [*roles, *robot.link_names]))
         raise UnknownNameError(
-            f"{name} is attached to {link}, but '{robot.name}' has no such link. Its "
-            f"roles and links: {known}."
+            f"The object {owner} names the link {name}, but {robot.name} has no such "
+            f"link. Its roles and links: {known}."
         )
     return found
 

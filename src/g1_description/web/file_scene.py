@@ -18,8 +18,8 @@ from g1_description.scenes.carried import (
     Hold,
     LinkPoses,
     RobotLinks,
-    carrying_link,
     holds_of,
+    named_link,
     object_poses,
 )
 from g1_description.scenes.objects import Attachment, SceneObject, attached
@@ -237,4 +237,4 @@ class FileScene:
         """Check that all links are there that carry objects."""
         for each in scene.values():
             for one in each.attachments:
-                carrying_link(each.name, one.link, self._robot.description)
+                named_link(self._robot.description, one.link, each.name)
