@@ -1061,14 +1061,8 @@ class Robot:
         usual = self._usual_checker if visual_hulls else None
         shapes = usual.collisions if usual else self._shapes(visual_hulls=False)
         limits = _thresholds(thresholds)
-        obstacles = None
-        if scene is not None:
-            from g1_description.collisions.obstacles import Obstacles
-
-            obstacles = Obstacles(self.description, as_scene(scene), visual_hulls)
-        return Checker(
-            self.description, limits, fixed_base, shapes, conditions, obstacles
-        )
+        found = Checker(self.description, limits, fixed_base, shapes, conditions)
+        return found if scene is None else found.among(as_scene(scene), visual_hulls)
 
     def self_collisions(
         self, positions: JointValues, base: Any = None, margin: float = 0.0

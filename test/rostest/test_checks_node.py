@@ -10,15 +10,18 @@ import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from g1_description.msg import RobotState, RobotTrajectory
 from g1_description.srv import CheckState, CheckTrajectory, SolveIK
+from gazebo_msgs.msg import LinkStates
 from geometry_msgs.msg import (
     Point,
     Pose,
     PoseStamped,
     Quaternion,
     Transform,
+    Twist,
     Vector3,
 )
 from sensor_msgs.msg import JointState
+from std_msgs.msg import String
 from support.ros_testing import DEADLINE, Connected, wait_for
 from tf2_msgs.msg import TFMessage
 from trajectory_msgs.msg import (
@@ -29,9 +32,10 @@ from trajectory_msgs.msg import (
 )
 from visualization_msgs.msg import Marker, MarkerArray
 
-from g1_description import Robot
+from g1_description import Robot, Scene
 from g1_description.robot.urdf import parse_urdf
 from g1_description.ros.conversions import transform
+from g1_description.scenes.scene_file import sdf_of
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
@@ -94,6 +98,26 @@ class TestChecks(unittest.TestCase):
             self.assertAlmostEqual(np.linalg.norm(a - b), finding.worst, places=6)
             self.assertGreater(finding.worst, finding.bound)
             self.assertRegex(finding.text, r" penetrates \S+ by \S+ m$")
+
+    def test_objects_of_the_simulator_are_known_where_they_are(self):
+        scene = rospy.Publisher("/gazebo/scene", String, queue_size=1, latch=True)
+        states = rospy.Publisher("/gazebo/object_states", LinkStates, queue_size=1)
+        box = Scene().box("box", [0.2, 0.2, 0.2], [0.0, 0.0, 1.0])
+
+        def collides():
+            found = [f for f in self.request().findings if f.check == "collision"]
+            return ["torso_link", "box"] in [f.subject for f in found]
+
+        try:
+            scene.publish(String(sdf_of([box])))
+            wait_for(collides, "a collision with the box")
+            wait_for(states.get_num_connections, "a reader of object_states")
+            away = Pose(Point(3.0, 0.0, 1.0), Quaternion(w=1.0))
+            states.publish(LinkStates(["box", "other"], [away] * 2, [Twist()] * 2))
+            wait_for(lambda: not collides(), "the box away from the robot")
+        finally:
+            scene.publish(String(sdf_of([])))
+            scene.unregister()
 
     def test_a_limit_is_told_with_its_size(self):
         lower = self.joints[KNEE].lower
@@ -523,6 +547,7 @@ class TestChecks(unittest.TestCase):
         published, subscribed, served = rosgraph.Master("/test").getSystemState()
         node = "/quiet_checker"
         topics = {topic for topic, nodes in published + subscribed if node in nodes}
-        self.assertLessEqual(topics, {"/rosout", "/clock"})
+        objects = {"/gazebo/scene", "/gazebo/object_states"}
+        self.assertLessEqual(topics, {"/rosout", "/clock", *objects})
         services = {name for name, nodes in served if node in nodes}
         self.assertIn("/quiet_checker/check_trajectory", services)

@@ -17,10 +17,9 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from g1_description.checker.parameters import CheckerParameters, base_frame
-from g1_description.checks.checker import Checker
 from g1_description.checks.marks import RED, Color, draw_marks, red_links
 from g1_description.checks.verdict import Verdict
-from g1_description.robot.description import Shape
+from g1_description.robot.description import Description, Shape
 from g1_description.robot.state import RobotState
 from g1_description.ros.conversions import pose_from_array, stamp_from_ns
 from g1_description.ros.publisher import DirectPublisher
@@ -148,8 +147,7 @@ QUEUE_SIZE = 2
 class LiveMarkers:
     """Publishes markers of new findings while there are subscribers."""
 
-    def __init__(self, checker: Checker, parameters: CheckerParameters) -> None:
-        robot = checker.description
+    def __init__(self, robot: Description, parameters: CheckerParameters) -> None:
         self._prefix, self._map = parameters.frame_prefix, parameters.map_frame
         self._base_frame = base_frame(robot, parameters)
         self._limit_margin = parameters.limit_margin
@@ -179,6 +177,7 @@ class LiveMarkers:
         state, verdict = self._newest
         place = None if state.base_pose is None else state.base_pose.tobytes()
         content = verdict.measured.positions.tobytes(), place, verdict.checked
+        content = *content, verdict.findings  # objects move, too
         stamp = stamp_from_ns(state.stamp)
         if content != self._content:
             self._content = content

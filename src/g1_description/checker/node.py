@@ -4,6 +4,7 @@ Services: ~check_state (g1_description/CheckState), ~check_trajectory
     (g1_description/CheckTrajectory), ~solve_ik (g1_description/SolveIK)
 Subscribes, with a ~rate: robot_state (g1_description/RobotState); without a publisher
     of that, joint_states (sensor_msgs/JointState), /tf, /tf_static (tf2_msgs/TFMessage)
+Subscribes, below the simulator's name: scene, object_states; see objects.py
 Publishes, with a ~rate: /diagnostics (diagnostic_msgs/DiagnosticArray), ~markers
     (visualization_msgs/MarkerArray)
 Parameters: those of parameters.CheckerParameters
@@ -23,6 +24,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from diagnostic_updater import Updater
 
 from g1_description.checker.markers import LiveMarkers
+from g1_description.checker.objects import CheckerAmongObjects, PresentObjects
 from g1_description.checker.parameters import (
     CheckerParameters,
     base_frame,
@@ -154,7 +156,7 @@ class LiveChecks:
 
     def __init__(
         self,
-        checker: Checker,
+        checker: CheckerAmongObjects,
         lock: threading.Lock,
         states: RobotStates,
         markers: LiveMarkers,
@@ -169,10 +171,10 @@ class LiveChecks:
             markers: Shows findings in RViz.
             rate: Maximum rate of checks in wall time, in [Hz].
         """
-        self._lock = lock
+        self._checker, self._lock = checker, lock
         self._states, self._markers = states, markers
         self._period = 1.0 / rate
-        self._check = LiveCheck(checker)
+        self._check = LiveCheck(checker.newest()[0])
         self._health = CheckHealth()
         self.newest: RobotState | None = None
         """The last state; None before the first one."""
@@ -212,7 +214,10 @@ class LiveChecks:
                 self._states.began_again.clear()
                 self._check.begin_again()
             with self._lock:
-                verdict = self._check.check(state)
+                checker, objects = self._checker.newest()
+                if checker is not self._check.checker:
+                    self._check = LiveCheck(checker)
+                verdict = self._check.check(state, objects)
         except G1DescriptionError as error:
             self._health.refuse(str(error))
             return
@@ -238,14 +243,17 @@ def make_collisions(
     return collisions_of(robot, file, parameters.visual_hulls)
 
 
-def make_checker(robot: Description, parameters: CheckerParameters) -> Checker:
-    """Create the checks of the robot.
+def make_checker(
+    robot: Description, parameters: CheckerParameters, objects: PresentObjects
+) -> CheckerAmongObjects:
+    """Create the checks of the robot among objects.
 
     Raises:
         G1DescriptionError: If a file cannot be read.
     """
     collisions = make_collisions(robot, parameters)
-    return Checker(robot, parameters.read_thresholds(), collisions=collisions)
+    checker = Checker(robot, parameters.read_thresholds(), collisions=collisions)
+    return CheckerAmongObjects(checker, objects, parameters.visual_hulls)
 
 
 def start(robot: Description, parameters: CheckerParameters) -> None:
@@ -254,18 +262,20 @@ def start(robot: Description, parameters: CheckerParameters) -> None:
     Raises:
         G1DescriptionError: If a file cannot be read.
     """
-    checker, lock = make_checker(robot, parameters), threading.Lock()
-    for note in checker.notes:
+    log, lock = ThrottledLog(), threading.Lock()
+    objects = PresentObjects(parameters.read_scene(), parameters.gazebo, log)
+    checker = make_checker(robot, parameters, objects)
+    for note in checker.newest()[0].notes:
         rospy.loginfo("%s", note)
-    make_another = partial(make_checker, robot, parameters)
+    make_another = partial(make_checker, robot, parameters, objects)
     map_frame = parameters.map_frame
     frame = MapFrame((map_frame, "world"))
     CheckServices(checker, lock, make_another, frame)
     live: LiveChecks | None = None
     if parameters.rate:
-        markers = LiveMarkers(checker, parameters)
+        markers = LiveMarkers(robot, parameters)
         root = base_frame(robot, parameters)
-        states = RobotStates(map_frame, root, 1.0 / parameters.rate, ThrottledLog())
+        states = RobotStates(map_frame, root, 1.0 / parameters.rate, log)
         live = LiveChecks(checker, lock, states, markers, parameters.rate)
     make_shapes = partial(make_collisions, robot, parameters)
     IkService(robot, make_shapes, lambda: live and live.newest, frame)

@@ -18,6 +18,7 @@ from g1_description.ros.parameters import (
     read_robot,
     wait_for_parameter,
 )
+from g1_description.scenes.scene import Scene
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,13 @@ class CheckerParameters:
 
     map_frame: str = "map"
     """Frame of the floor, which is at z = 0."""
+
+    gazebo: str = "/gazebo"
+    """Namespace of the simulator, whose objects are around the robot."""
+
+    scene: str = ""
+    """File of a [scene](scenes.md): the objects around the robot if there is no
+    simulator, and what may touch those in the simulator."""
 
     thresholds: str = ""
 
@@ -55,7 +63,15 @@ class CheckerParameters:
         check_range(self, "rate", 0.0, 1000.0)
         check_range(self, "limit_margin", 0.0, 10.0)
         check_prefix("~frame_prefix", self.frame_prefix)
-        check_files(self, "thresholds", "collisions")
+        check_files(self, "scene", "thresholds", "collisions")
+
+    def read_scene(self) -> Scene | None:
+        """Read the scene; None without one.
+
+        Raises:
+            G1DescriptionError: If the file cannot be read.
+        """
+        return Scene.read(self.scene) if self.scene else None
 
     def read_thresholds(self) -> Thresholds:
         """Read the thresholds.

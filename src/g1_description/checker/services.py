@@ -15,7 +15,7 @@ import rospy
 from geometry_msgs.msg import Point
 from sensor_msgs.msg import JointState
 
-from g1_description.checks.checker import Checker
+from g1_description.checker.objects import CheckerAmongObjects
 from g1_description.checks.verdict import Finding, Verdict
 from g1_description.choices import ZERO
 from g1_description.collisions.self_collisions import SelfCollisions
@@ -76,9 +76,9 @@ class CheckServices:
 
     def __init__(
         self,
-        checker: Checker,
+        checker: CheckerAmongObjects,
         lock: threading.Lock,
-        make_checker: Callable[[], Checker],
+        make_checker: Callable[[], CheckerAmongObjects],
         frame: MapFrame,
     ) -> None:
         """Advertise the services.
@@ -91,12 +91,11 @@ class CheckServices:
         """
         self._checker, self._lock = checker, lock
         self._make_checker = make_checker
-        self._motion_checker: Checker | None = None
+        self._motion_checker: CheckerAmongObjects | None = None
         self._motion_lock = threading.Lock()
         self._frame = frame
-        self._joints = dict.fromkeys(
-            joint.name for joint in checker.description.movable_joints
-        )
+        robot = checker.newest()[0].description
+        self._joints = dict.fromkeys(joint.name for joint in robot.movable_joints)
         rospy.Service("~check_state", CheckState, self._check_state)
         rospy.Service("~check_trajectory", CheckTrajectory, self._check_trajectory)
 
@@ -112,8 +111,9 @@ class CheckServices:
             if request.has_base:
                 base = pose_from_numbers(pose_to_array(request.base_pose))
             with self._lock:
-                verdict = self._checker.check_state(
-                    positions, base, request.only, velocities or None
+                checker, objects = self._checker.newest()
+                verdict = checker.check_state(
+                    positions, base, request.only, velocities or None, objects
                 )
         except G1DescriptionError as error:
             return CheckStateResponse(status_message=str(error))
@@ -132,7 +132,8 @@ class CheckServices:
             with self._motion_lock:
                 if self._motion_checker is None:
                     self._motion_checker = self._make_checker()
-                verdict = self._motion_checker.check(motion, request.only)
+                checker, objects = self._motion_checker.newest()
+                verdict = checker.check(motion, request.only, objects)
         except G1DescriptionError as error:
             return CheckTrajectoryResponse(status_message=str(error))
         return _answer(CheckTrajectoryResponse, verdict)

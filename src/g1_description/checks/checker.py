@@ -42,6 +42,7 @@ from g1_description.robot.assembly import limbs_of
 from g1_description.robot.description import Description
 from g1_description.robot.state import RobotState
 from g1_description.scenes.carried import named_link
+from g1_description.scenes.scene import Scene
 from g1_description.sim.rollout import Conditions
 from g1_description.text import listed, similar_first
 
@@ -100,12 +101,36 @@ class Checker:
         given = (self.description, self.thresholds, self.fixed_base)
         return Checker, (*given, self.collisions, self.physics, self.obstacles)
 
-    def check(self, motion: MotionLike, only: Collection[str] = ()) -> Verdict:
+    def among(self, scene: Scene | None, visual_hulls: bool = True) -> Checker:
+        """Return a checker of the same robot among other objects.
+
+        Args:
+            scene: The objects; None: there are none.
+            visual_hulls: Whether what has no collision shapes uses the convex hulls of
+                its visuals.
+
+        Raises:
+            UnknownNameError: If the scene names a link that the robot does not have.
+        """
+        obstacles = None
+        if scene is not None:
+            obstacles = Obstacles(self.description, scene, visual_hulls)
+        given = (self.description, self.thresholds, self.fixed_base)
+        return Checker(*given, self.collisions, self.physics, obstacles)
+
+    def check(
+        self,
+        motion: MotionLike,
+        only: Collection[str] = (),
+        objects: np.ndarray | None = None,
+    ) -> Verdict:
         """Check a motion.
 
         Args:
             motion: Must fit the robot, as by ``fitted``.
             only: Names of the checks to make; none: all.
+            objects: Poses of the objects in the map throughout, in the order of the
+                scene, shape (n_objects, 7); None: as in the scene.
 
         Raises:
             UnknownNameError: If there is no such check.
@@ -113,7 +138,7 @@ class Checker:
         """
         motion = as_motion(motion)
         rules = self._rules(motion, only, self.physics is not None)
-        measured = self._measure(motion, rules)
+        measured = self._measure(motion, rules, objects)
         if any(rule.needs_physics and not why for rule, why in rules.items()):
             self._play(measured, rules)
         return self._verdict(measured, rules, motion.notes)
@@ -315,7 +340,7 @@ class LiveCheck:
     """Checks states of one robot; an unchanged state is not checked again."""
 
     def __init__(self, checker: Checker) -> None:
-        self._checker = checker
+        self.checker = checker
         joints = checker.description.movable_joints
         self._joints = frozenset(joint.name for joint in joints)
         self._last: tuple[float, np.ndarray] | None = None
@@ -325,11 +350,12 @@ class LiveCheck:
         """Forget the last state, because time went back."""
         self._last = None
 
-    def check(self, state: RobotState) -> Verdict:
+    def check(self, state: RobotState, objects: np.ndarray | None = None) -> Verdict:
         """Check a state.
 
         Args:
             state: Its unknown joints, such as those of hands, are ignored.
+            objects: As for ``Checker.check_state``.
 
         Returns:
             The verdict. While the centre of mass moves, the checks of ``AT_REST`` are
@@ -340,11 +366,12 @@ class LiveCheck:
         """
         positions, velocities = state.positions_by_name, state.velocities_by_name
         base = state.base_pose
-        content = positions, None if base is None else base.tobytes(), velocities
+        places = (None if a is None else a.tobytes() for a in (base, objects))
+        content = positions, *places, velocities
         if self._newest is None or content != self._newest[0]:
             own = self._own(positions)
             rates = None if velocities is None else self._own(velocities) or None
-            verdict = self._checker.check_state(own, base, LIVE, rates)
+            verdict = self.checker.check_state(own, base, LIVE, rates, objects)
             self._newest = content, verdict
         verdict = self._newest[1]
         if not self._moves(state.time, verdict):
@@ -362,7 +389,7 @@ class LiveCheck:
         own = {name: value for name, value in values.items() if name in self._joints}
         if values and not own:
             raise UnknownNameError(
-                f"{self._checker.description.name} has none of these joints: "
+                f"{self.checker.description.name} has none of these joints: "
                 f"{listed(values)}."
             )
         return own
@@ -379,4 +406,4 @@ class LiveCheck:
         if last is None or time - last[0] < STANDSTILL:
             return False
         speed = np.linalg.norm(center - last[1]) / (time - last[0])
-        return bool(speed > self._checker.thresholds.still_speed)
+        return bool(speed > self.checker.thresholds.still_speed)
