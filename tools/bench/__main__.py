@@ -30,7 +30,7 @@ from rosservice import ROSServiceException
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
-from g1_description import Robot
+from g1_description import Robot, Scene
 from g1_description.ros.conversions import model_trajectory
 
 from .browser import browser, burners, is_open
@@ -675,17 +675,27 @@ def checks(bench):
     """How many samples of a motion, and how many single configurations, are checked.
 
     Clips of 30 s at 60 Hz are synthetic: the robot stands, and its arms swing.
-    Samples per second are those of one core, all checks made. `check_state` is called
-    one call after the other: `Robot.check_state`, and the service of a checker alone.
+    Samples per second are those of one core, all checks made. Objects are boxes,
+    cylinders and balls of 5 to 40 cm, 0.5 to 3 m from the robot, some of which its
+    hands hit. `check_state` is called one call after the other: `Robot.check_state`,
+    and the service of a checker alone.
     """
     robot = bench.robot
-    clips = [clip(robot, seed) for seed in range(bench.length(5, 2))]
-    robot.check(clips[0])
-    begin = time.process_time()
-    for motion in clips:
-        robot.check(motion)
-    rate = sum(len(motion.times) for motion in clips) / (time.process_time() - begin)
-    bench.add("check, samples of a synthetic motion", rate, "1/s", "", "-")
+    clips = [clip(robot, seed) for seed in range(bench.length(6, 2))]
+    counts = (0, 20, 200)
+    among = [robot.checker(scene=clutter(count) if count else None) for count in counts]
+    spent = np.zeros(len(counts))
+    for motion in clips:  # the first one prepares what is needed once
+        for row, checker in enumerate(among):
+            begin = time.process_time()
+            checker.check(motion)
+            spent[row] += 0.0 if motion is clips[0] else time.process_time() - begin
+    rates = sum(len(motion.times) for motion in clips[1:]) / spent
+    bench.add("check, samples of a synthetic motion", rates[0], "1/s", "", "-")
+    for count, rate in zip(counts[1:], rates[1:]):
+        what = f"check, samples among {count} objects"
+        bench.add(what, rate, "1/s", "", "-")
+    bench.add("speed among 20 objects", 100.0 * rates[1] / rates[0], "%", ">= 50")
     drawn = robot.neutral + 0.1 * robot.random_configuration(1, size=200)
     drawn = np.clip(drawn, robot.lower, robot.upper)
     base, count = [0.0, 0.0, 0.793, 0.0, 0.0, 0.0, 1.0], bench.length(1000, 200)
@@ -702,6 +712,23 @@ def checks(bench):
             robot.joint_names, drawn, Pose(Point(*base[:3]), Quaternion(w=1.0)), count
         )
         bench.add("the service check_state", rate, "1/s", ">= 300")
+
+
+def clutter(count):
+    """Make up objects."""
+    random, scene = np.random.default_rng(0), Scene()
+    for number in range(count):
+        turn, away = random.uniform(-np.pi, np.pi), random.uniform(0.5, 3.0)
+        at = [away * np.cos(turn), away * np.sin(turn), random.uniform(0.1, 1.8)]
+        size, rpy = random.uniform(0.05, 0.4, 3), random.uniform(-1.0, 1.0, 3)
+        name, kind = f"object {number}", number % 3
+        if kind == 0:
+            scene.box(name, size, at, rpy=rpy)
+        elif kind == 1:
+            scene.cylinder(name, size[0] / 2, size[1], at, rpy=rpy)
+        else:
+            scene.sphere(name, size[0] / 2, at)
+    return scene
 
 
 def clip(robot, seed):
