@@ -34,6 +34,7 @@ from g1_description import Robot, Scene
 from g1_description.ros.conversions import model_trajectory
 
 from .browser import browser, burners, is_open
+from .clutter import clutter
 from .commands import commands
 from .folder import folder
 from .graph import (
@@ -847,6 +848,7 @@ PARTS = {
         foot,
         physics,
         ik,
+        clutter,
         trajectories,
         checks,
         folder,

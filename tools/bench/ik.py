@@ -42,21 +42,27 @@ def ik(bench):
         _pink(bench, targets[:200], start, base)
 
 
-def _targets(robot, start, base, count):
-    """Make poses of both hands, by name."""
+def random_stands(robot, start, base, random):
+    """Yield random configurations in which the feet stand as at the start."""
     inverse = InverseKinematics(robot.description)
-    random, found = np.random.default_rng(0), []
-    while len(found) < count:
+    while True:
         posture = robot.random_configuration(random)
         posture[:12] = start[:12]
         moved = base.copy()
         moved[:3] += random.uniform([-0.15, -0.15, -0.35], [0.15, 0.15, 0.0])
         moved[3:] = from_rotation_vector(random.uniform(-0.3, 0.3, 3))
         result = inverse.solve({"pelvis": moved}, posture, base, IkOptions(), 1)
-        feet = [result.errors[foot] for foot in FEET]
-        if max(max(error) for error in feet) < 1e-5:
-            poses = robot.link_poses(result.positions, result.base)
-            found.append({h: poses[robot.profile.links[h]] for h in HANDS})
+        if max(max(result.errors[foot]) for foot in FEET) < 1e-5:
+            yield result
+
+
+def _targets(robot, start, base, count):
+    """Make poses of both hands, by name."""
+    stands = random_stands(robot, start, base, np.random.default_rng(0))
+    found = []
+    for result in islice(stands, count):
+        poses = robot.link_poses(result.positions, result.base)
+        found.append({h: poses[robot.profile.links[h]] for h in HANDS})
     return found
 
 
