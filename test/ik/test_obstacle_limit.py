@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from g1_description import Robot, Scene, Target
+from g1_description import Robot, Scene, Target, box_targets, line
 from g1_description.collisions.obstacles import Obstacles
 from g1_description.errors import G1DescriptionError
 from g1_description.robot.rotation import rotate
 from g1_description.robot.transform import compose, inverse
+from g1_description.scenes.carried import holds_of, motion_links, object_poses
 
 BASE = np.array([0.0, 0.0, 0.7634, 0.0, 0.0, 0.0, 1.0])
 WHOLE = {"balance": True, "avoid_collisions": True, "floor": 0.0}
@@ -153,3 +154,35 @@ def test_what_a_target_cannot_be_relative_to_is_named(g1, relative_to, problem):
 def test_something_else_than_a_scene_is_refused(g1, scene, problem):
     with pytest.raises(G1DescriptionError, match=problem):
         g1.ik({}, scene=scene)
+
+
+def test_a_box_is_put_down_among_things(g1, standing):
+    def at(x, y, z, yaw):
+        return np.array([x, y, z, 0.0, 0.0, np.sin(0.5 * yaw), np.cos(0.5 * yaw)])
+
+    stops = [at(0.32, 0.2, 0.7, 0.4), at(0.36, -0.02, 0.95, 0.0)]
+    stops.append(at(0.36, -0.15, 0.85, -0.4))
+    times, boxes = np.zeros(1), np.array(stops[:1])
+    for begin, end in zip(stops, stops[1:]):
+        more, way = line(begin, end, speed=0.4)
+        times = np.append(times, times[-1] + more[1:])
+        boxes = np.append(boxes, way[1:], axis=0)
+    scene, palms = Scene(), box_targets(boxes, 0.24)
+    scene.box("box", [0.12, 0.24, 0.12], stops[0], may_touch=["right_hand"])
+    scene.box("table", [0.3, 0.26, 0.04], [0.42, -0.22, 0.77])
+    scene.box("wall", [0.02, 0.5, 0.6], [0.1, 0.55, 1.0])
+    scene.attach("box", "left_hand", 0.0, times[-1])
+
+    def deepest(path):
+        links = motion_links(g1.description, path.motion)
+        holds = holds_of(scene.values(), g1.description, links)
+        objects = object_poses(holds, times, links)
+        poses = g1.forward_kinematics(path.motion.positions, path.motion.base_poses)
+        obstacles = Obstacles(g1.description, scene)
+        return -obstacles.contacts_among(poses, objects).distance.min(initial=0.0)
+
+    alone = g1.ik_trajectory(times, palms, standing, BASE, **WHOLE)
+    assert deepest(alone) > 0.01
+    path = g1.ik_trajectory(times, palms, standing, BASE, scene=scene, **WHOLE)
+    assert path.message == ""
+    assert deepest(path) < 1e-3

@@ -356,7 +356,7 @@ class InverseKinematics:
 
     @cached_property
     def _parts(self) -> list[LinkPart]:
-        return link_parts(self._description)
+        return link_parts(self._shapes)
 
     @cached_property
     def _distance_limit(self) -> DistanceLimit:
@@ -495,9 +495,13 @@ class InverseKinematics:
             yield from limit.contacts_at(poses)
 
     def _result(
-        self, names: Iterable[str], view: Linearization, steps: int
+        self,
+        names: Iterable[str],
+        view: Linearization,
+        steps: int,
+        is_alone: bool = True,
     ) -> IkResult:
-        """Describe the result for tasks with names."""
+        """Describe the result for tasks with names; one of many leaves out reasons."""
         errors = {}
         for name, task, (position, rotation) in zip(
             names, view.tasks, view.errors.tolist()
@@ -513,7 +517,7 @@ class InverseKinematics:
         ]
         numbers = range(len(view.bounds.limits))
         far += filter(None, (self._excess(view, number) for number in numbers))
-        if far:
+        if far and is_alone:
             near = [self._at_objects(limit, view) for limit in view.bounds.limits]
             far += [text for texts in near for text in texts if text not in far]
         if far and view.is_stuck:

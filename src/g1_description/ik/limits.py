@@ -7,7 +7,7 @@ of the solver let each shrink by no more than there is of it.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from copy import copy
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol, Tuple
@@ -19,7 +19,7 @@ from g1_description.collisions.self_collisions import SelfCollisions
 from g1_description.errors import InvalidValueError
 from g1_description.ik.targets import is_number
 from g1_description.robot.assembly import WORLD
-from g1_description.robot.description import Description
+from g1_description.robot.description import Description, Link
 from g1_description.robot.dynamics import Masses
 from g1_description.robot.jacobians import Jacobians
 from g1_description.robot.rotation import rotate, to_axes
@@ -219,13 +219,12 @@ class LinkPart(NamedTuple):
     """Around the points, in [m], shape (n,)."""
 
 
-def link_parts(description: Description) -> list[LinkPart]:
+def link_parts(links: Iterable[Link]) -> list[LinkPart]:
     """Split the outline of each link by octants.
 
     With only the lowest point of a link, steps would rock a foot from heel to toe.
     """
     parts = []
-    links = [link for link in description.links if link.name != WORLD]
     for row, link in enumerate(links):
         points, radii = outlines(link)
         octants = (points > points.mean(axis=0)) @ [1, 2, 4]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 from copy import copy
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -14,12 +15,14 @@ from g1_description.ik.limits import (
     INFLUENCE,
     BatchLimit,
     Course,
+    LinkPart,
     SampledApproach,
+    link_parts,
 )
 from g1_description.ik.tasks import LinkTask
 from g1_description.robot.description import Description
 from g1_description.robot.jacobians import Jacobians
-from g1_description.robot.rotation import normalized
+from g1_description.robot.rotation import conjugate, normalized, rotate
 from g1_description.robot.transform import compose
 from g1_description.scenes.carried import LinkPoses, holds_of, object_poses
 from g1_description.scenes.scene import Scene
@@ -196,6 +199,9 @@ class ObstacleLimit(BatchLimit):
         may_touch = np.isin(first, [*feet]) | (first >= n_links)
         self._least = np.where(may_touch, 0.0, DISTANCE)
         self._held: Held | None = None
+        self._parts: dict[int, list[LinkPart]] = {}
+        for part in link_parts(each.link for each in surroundings.scene.values()):
+            self._parts.setdefault(part.row, []).append(part)
 
     def at(self, rows: np.ndarray, course: Course) -> ObstacleLimit:
         """Return the limit of some configurations."""
@@ -227,7 +233,46 @@ class ObstacleLimit(BatchLimit):
         movers = np.concatenate([links, self._held.carriers], axis=1)
         first, second = movers[found.sample[:, np.newaxis], self._pairs[found.pair]].T
         moves = np.flatnonzero(first != second)
-        return found[moves], first[moves], second[moves]
+        found, first, second = found[moves], first[moves], second[moves]
+        others = [*self._corners(found, objects)]
+        rows = np.array([row for row, _ in others], dtype=int)
+        all_ = Contacts.joined([found, *(corners for _, corners in others)])
+        rows = np.concatenate([np.arange(len(first)), rows])
+        order = np.argsort(all_.sample, kind="stable")
+        return all_[order], first[rows][order], second[rows][order]
+
+    def _corners(
+        self, found: Contacts, objects: np.ndarray
+    ) -> Iterator[tuple[int, Contacts]]:
+        """Find other corners of carried objects near the planes of their contacts.
+
+        With only the deepest one, steps would rock a box that is put down.
+
+        Yields:
+            Numbers of contacts, and one that has the same plane.
+        """
+        carried = self._pairs[found.pair, 0] - len(self._movers)
+        for row in np.flatnonzero(carried >= 0):
+            pose, normal = objects[found.sample[row], carried[row]], found.normal[row]
+            inward = rotate(conjugate(pose[3:]), normal)
+            plane = found.points_b[row] @ normal
+            for part in self._parts[carried[row]]:
+                ends = part.points @ inward + part.radii
+                farthest = int(np.argmax(ends))
+                distance = plane - normal @ pose[:3] - ends[farthest]
+                if distance < DISTANCE + INFLUENCE:
+                    point = pose[:3] + rotate(pose[3:], part.points[farthest])
+                    point += part.radii[farthest] * normal
+                    one = found[np.array([row])]
+                    yield (
+                        int(row),
+                        replace(
+                            one,
+                            distance=np.array([distance]),
+                            points_a=point[np.newaxis],
+                            points_b=(point + distance * normal)[np.newaxis],
+                        ),
+                    )
 
     def excess_message(self, excess: float) -> str:
         """Describe by how much something is too near, in [m]."""

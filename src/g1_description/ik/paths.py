@@ -219,7 +219,7 @@ class PathKinematics(InverseKinematics):
         given = times, [*tasks.values()], constraints, start, bounds, self._speed
         search_ = Trajectory(self._solver, Problem(*given))
         found, views = search_.solve()
-        results = [self._result(tasks, view, found.steps) for view in views]
+        results = [self._result(tasks, view, found.steps, False) for view in views]
         missed = [row for row, result in enumerate(results) if not result.reached]
         reason = ""
         if missed:
@@ -248,7 +248,7 @@ class PathKinematics(InverseKinematics):
         for limit, (_, room) in zip(view.bounds.limits, view.approaches):
             if room.min(initial=np.inf) < TOLERANCE[0]:
                 near = [*self._at_objects(limit, view)]
-                phrases += near or [limit_name(limit)]
+                phrases = near + phrases if near else [*phrases, limit_name(limit)]
         if not phrases:
             return (
                 "No limit is reached there: it is out of reach, or changes too quickly."
