@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 pytest.importorskip("viser", reason="viser is not installed")
 
-from shown_pages import Open
+from shown_pages import Open, ramp
 from waiting import wait_for
 
 from g1_description.scenes.scene import Scene
@@ -76,6 +78,21 @@ def test_objects_are_added_changed_attached_saved_and_opened(page, tmp_path):
     client.upload("Open a scene", "scene.yaml", file.read_bytes())
     wait(lambda s: [*s] == ["brick"], "the saved scene")
     assert around.carrier("brick") == "left_arm"
+
+
+def test_motions_are_checked_among_the_objects(page):
+    client, (around,) = page.client(), page.world.scenes
+    scene = Scene()
+    scene.box("wall", [0.1, 0.1, 2.0], page.robot.state().base_pose[:3])
+    around.load(scene)
+    page.world.read = lambda *_: replace(
+        ramp(1.0), base_poses=np.tile(page.robot.state().base_pose, (31, 1))
+    )
+    client.upload("Open a motion", "a.csv", b"x")
+    verdicts = page.show.motion.verdicts
+    wait_for(lambda: page.robot in verdicts, "a verdict")
+    found = [one.subject for one in verdicts[page.robot].findings]
+    assert ("trunk", "wall") in found
 
 
 def test_a_page_to_look_at_has_no_panel_of_objects():

@@ -6,12 +6,14 @@ import threading
 import time
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Callable, Tuple
+from typing import TYPE_CHECKING, Callable, Optional, Tuple
 
 from g1_description.checks.checker import Checker, LiveCheck
+from g1_description.collisions.obstacles import Obstacles
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.robot.state import RobotState
+from g1_description.scenes.scene import Scene
 from g1_description.web.robot import ShownRobot
 from g1_description.web.ui_loop import UiLoop
 
@@ -28,7 +30,9 @@ AGAIN = 10.0
 MakeChecker = Callable[[Description], Checker]
 
 
-_Request = Tuple[Motion, Callable[["Verdict"], object], Callable[[], object]]
+_Request = Tuple[
+    Motion, Callable[["Verdict"], object], Callable[[], object], Optional[Scene]
+]
 
 
 class CheckThread:
@@ -64,6 +68,7 @@ class CheckThread:
         motion: Motion,
         then: Callable[[Verdict], object],
         failed: Callable[[], object],
+        scene: Scene | None = None,
     ) -> None:
         """Check a motion, unless another one of the owner and robot comes before.
 
@@ -73,9 +78,10 @@ class CheckThread:
             motion: The motion.
             then: Called by the UI loop with the verdict.
             failed: Called by the UI loop on errors.
+            scene: The objects around the robot; None: there are none.
         """
         with self._lock:
-            self._motions[owner, robot] = motion, then, failed
+            self._motions[owner, robot] = motion, then, failed, scene
             self._lock.notify()
 
     def check_state(
@@ -104,8 +110,8 @@ class CheckThread:
                 self._lock.wait_for(lambda: self._motions or self._states)
                 motions, self._motions = self._motions, {}
                 states, self._states = self._states, {}
-            for key, (motion, then, failed) in motions.items():
-                self._try(partial(self._motion, key, motion, then), failed)
+            for key, (motion, then, failed, scene) in motions.items():
+                self._try(partial(self._motion, key, motion, then, scene), failed)
             for robot, given in states.items():
                 if not self._failure(robot):
                     self._try(partial(self._state, robot, *given))
@@ -133,8 +139,19 @@ class CheckThread:
         key: tuple[object, ShownRobot],
         motion: Motion,
         then: Callable[[Verdict], object],
+        scene: Scene | None,
     ) -> None:
-        verdict = self._checker(key[1]).check(motion)
+        checker = self._checker(key[1])
+        if scene:
+            checker = Checker(
+                checker.description,
+                checker.thresholds,
+                checker.fixed_base,
+                checker.collisions,
+                checker.physics,
+                Obstacles(checker.description, scene),
+            )
+        verdict = checker.check(motion)
         found = replace(verdict, measured=None)  # which needs much memory
         self._ui.post(("motion", *key), lambda: then(found))
 

@@ -215,8 +215,8 @@ class FileScene:
     @_locked
     def scene(self) -> Scene:
         """Return the scene, as it is to be saved."""
-        if self._motion is not None:
-            return self._scene
+        if self._time()[0] is not None:
+            return self._scene.copy()
         _, poses = self.shown()
         return Scene([replace(o, pose=poses[o.name]) for o in self._scene.values()])
 

@@ -162,6 +162,7 @@ class MotionPanel(Panel):
             motion,
             partial(self._checked, robot, motion),
             self._findings[robot].fail,
+            self.page.scene_of(robot),
         )
         self.opened += 1
         if self._read_only:

@@ -213,7 +213,7 @@ class Page:
         Raises:
             G1DescriptionError: If nothing is known of the robot.
         """
-        scene = self._world.scenes[0].scene() if self._world.scenes else None
+        scene = self._page.scene_of(self._shown[0].robot)
         past = None if self._history is None else self._history.past_motion()
         if past is not None:
             verdict = self._verdict(*past)

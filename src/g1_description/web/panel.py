@@ -8,9 +8,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
+from g1_description.scenes.scene import Scene
 from g1_description.web.check_thread import CheckThread, MakeChecker
 from g1_description.web.findings_panel import plain
-from g1_description.web.robot import ShownWorld
+from g1_description.web.robot import ShownRobot, ShownWorld
 from g1_description.web.scene.stage import Stage
 from g1_description.web.shown import Shown
 from g1_description.web.ui_loop import UiLoop
@@ -58,6 +59,12 @@ class PageContext:
         found = self.find(kind)
         assert found is not None
         return found
+
+    def scene_of(self, robot: ShownRobot) -> Scene | None:
+        """Return the objects around a robot; None: nothing is known of any."""
+        scenes = self.world.scenes
+        row = min(self.world.robots.index(robot), len(scenes) - 1)
+        return scenes[row].scene() if scenes else None
 
     def refresh(self) -> None:
         """Let all panels look again at files that were saved."""
