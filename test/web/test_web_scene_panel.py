@@ -33,7 +33,7 @@ def test_objects_are_added_changed_attached_saved_and_opened(page, tmp_path):
         wait_for(lambda: condition(around.scene()), what)
 
     def gizmo():
-        return next(n for n in client.nodes if n.endswith("/gizmos/object"))
+        return next(n for n in client.nodes if n.endswith("/selected/gizmo"))
 
     client.set("Add object", "Box")
     wait(lambda scene: "box" in scene, "a box")

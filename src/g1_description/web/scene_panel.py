@@ -97,7 +97,7 @@ class ScenePanel(Panel):
             *(self._length, self._mass, self._carrier, delete),
         )
         self._gizmo = self.scene.add_transform_controls(
-            f"{MAP}/gizmos/object", scale=GIZMO, visible=False
+            f"{MAP}/selected/gizmo", scale=GIZMO, visible=False
         )
         ui.on(add, lambda: self.add(str(add.value).lower()))
         ui.on(self._list, lambda: self.select(str(self._list.value)))
