@@ -4,6 +4,7 @@ What needs no browser is in test/web/test_web_page.py.
 """
 
 import re
+from dataclasses import replace
 from threading import Event
 
 import numpy as np
@@ -13,7 +14,6 @@ from g1_description.msg import RobotState
 from g1_description.srv import GetAnchor, SetAnchor
 from gazebo_msgs.msg import LinkStates
 from gazebo_msgs.srv import (
-    GetModelState,
     GetPhysicsProperties,
     GetPhysicsPropertiesResponse,
     GetWorldProperties,
@@ -293,16 +293,26 @@ def test_objects_of_the_simulator_come_move_and_go():
 
 def test_objects_of_a_page_are_models_of_the_simulator():
     world = LiveScene(LiveSimulator("gazebo"), Event(), ThrottledLog())
+    world.watch(True)
     models = service("/gazebo/get_world_properties", GetWorldProperties)
-    state = service("/gazebo/get_model_state", GetModelState)
     scene = Scene()
-    world.add(scene.box("page_box", [0.1, 0.1, 0.1], [2.0, 3.0, 0.5], mass=1.0))
-    try:
-        place = state("page_box", "world").pose.position
-        assert (place.x, place.y) == pytest.approx((2.0, 3.0), abs=1e-6)
-    finally:
-        world.remove("page_box")
-    assert "page_box" not in models().model_names
+    box = scene.box("page_box", [0.1, 0.1, 0.1], [2.0, 3.0, 0.5])
+    world.add(box)
+
+    def is_at(name, place):
+        poses = world.shown()[1]
+        return name in poses and np.allclose(poses[name][:3], place)
+
+    wait_for(lambda: is_at("page_box", [2.0, 3.0, 0.5]), "a box")
+    world.move("page_box", np.array([1.0, 3.0, 0.5, 0.0, 0.0, 0.0, 1.0]))
+    wait_for(lambda: is_at("page_box", [1.0, 3.0, 0.5]), "a move")
+    world.change("page_box", replace(box, link=replace(box.link, name="brick")))
+    wait_for(lambda: is_at("brick", [1.0, 3.0, 0.5]), "another name")
+    assert "page_box" not in world.shown()[0]
+    world.remove("brick")
+    wait_for(lambda: not world.shown()[0], "no objects")
+    assert {"page_box", "brick"}.isdisjoint(models().model_names)
+    world.watch(False)
 
 
 def test_a_motion_is_opened_played_scrubbed_and_judged(page, robot, tmp_path):
