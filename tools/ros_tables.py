@@ -29,6 +29,7 @@ SEE = {
     "rate": "[rate](launch.md#rate)",
     "robot": "[robots](robots.md)",
     "robots": "[several robots](nodes.md#several-robots)",
+    "scene": "[scenes](scenes.md)",
     "topic": "[rosbags](motions.md#rosbags)",
     "trails": "[in RViz](motions.md#seen-in-rviz)",
     "web": "[the web UI](browser.md)",

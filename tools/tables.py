@@ -27,6 +27,7 @@ from g1_description.cli.snapshot import SnapshotOptions
 from g1_description.cli.web import WebOptions
 from g1_description.command_line import Argument, arguments_of, default_text
 from g1_description.gazebo.parameters import GazeboParameters, SpawnerParameters
+from g1_description.gazebo.programs.spawn_scene import SceneParameters
 from g1_description.importer.import_model import ImportOptions
 from g1_description.interactive.node import InteractiveParameters
 from g1_description.ros.parameters import NAMESPACE
@@ -67,6 +68,7 @@ NODES = {
     "link_states_bridge": BridgeParameters,
     "gazebo": GazeboParameters,
     "spawn_urdf": SpawnerParameters,
+    "spawn_scene": SceneParameters,
     "checker": CheckerParameters,
     "web": WebParameters,
     "interactive": InteractiveParameters,

@@ -28,8 +28,8 @@ def test_a_gazebo_that_is_replaced_while_the_robot_is_spawned_gets_it(monkeypatc
         raise rospy.ROSInterruptException
 
     address[0] = "older"
-    monkeypatch.setattr(spawn_robot, "_address", lambda: address[0])
-    monkeypatch.setattr(spawn_robot, "_wait_for_another", wait_for_another)
+    monkeypatch.setattr(spawn_robot, "address_of_gazebo", lambda: address[0])
+    monkeypatch.setattr(spawn_robot, "wait_for_another", wait_for_another)
     monkeypatch.setattr(spawn_robot, "spawn", spawn)
     gazebo = SimpleNamespace(wait_for=wait_for)
     spawn_robot.spawn_in_each(SpawnerParameters(), gazebo)

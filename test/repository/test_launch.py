@@ -142,6 +142,8 @@ def test_the_stand_in_is_the_default_and_rviz_needs_a_screen(launch):
     assert "/rviz" in nodes(launch(display=":99"))
     assert "/checker" in nodes(launch("checks:=true"))
     assert "/interactive" in nodes(launch("interactive:=true"))
+    scene = REPOSITORY / "test" / "data" / "shelf.world"
+    assert "/spawn_scene" in nodes(launch(f"scene:={scene}"))
 
 
 @pytest.mark.usefixtures("real_gazebo")
@@ -204,6 +206,8 @@ WRONG_ON_COMMAND_LINE = {
     "interactive:=2": "interactive must be true or false (got '2').",
     "use_sim_time:=1": "use_sim_time must be true or false (got '1').",
     "motors:=my.yaml": "motors must be an absolute path (got 'my.yaml').",
+    "scene:=/no.yaml": "The file /no.yaml of scene does not exist.",
+    f"scene:={REPOSITORY}/config/checks.yaml": "Unknown section",
     "collisions:=my.yaml": "collisions must be an absolute path (got 'my.yaml').",
     "thresholds:=/no.yaml": "The file /no.yaml of thresholds does not exist.",
     "rvizconfig:=/no.rviz": "The file /no.rviz of rvizconfig does not exist.",

@@ -47,7 +47,7 @@ BOOLEANS = {
 NUMBERS = ("x", "y", "z", "R", "P", "Y", "rate")
 """Arguments that are numbers or empty."""
 
-FILES = ("motors", "collisions", "thresholds", "rvizconfig")
+FILES = ("scene", "motors", "collisions", "thresholds", "rvizconfig")
 """Arguments that are files or empty; ``motors`` may be a name of the profile's."""
 
 

@@ -18,7 +18,7 @@ from g1_description.files.yaml import YamlError, read_yaml
 from g1_description.robot.assembly import SCOPE, Assembly
 from g1_description.robot.description import Link, Shape
 from g1_description.robot.rotation import axes_to_rpy, to_axes
-from g1_description.robot.transform import IDENTITY, compose
+from g1_description.robot.transform import IDENTITY, compose, inverse
 from g1_description.robot.urdf import parse_urdf
 from g1_description.scenes.moveit import scene_text
 from g1_description.scenes.objects import (
@@ -61,6 +61,12 @@ TAGS = {
     "mesh": ("scale",),
 }
 """Elements of sizes in SDF."""
+
+
+def scene_next_to(motion: Path) -> Path | None:
+    """Find the scene of a motion: ``NAME.scene.yaml`` next to ``NAME.csv``."""
+    file = motion.with_name(f"{motion.stem}.scene.yaml")
+    return file if file.is_file() else None
 
 
 def read_objects(file: Path) -> list[SceneObject]:
@@ -293,11 +299,36 @@ def sdf_of(objects: Collection[SceneObject]) -> str:
     root = etree.Element("sdf", version="1.6")
     world = etree.SubElement(root, "world", name="default")
     for each in objects:
-        model = etree.SubElement(world, "model", name=each.name)
-        etree.SubElement(model, "static").text = str(each.mass is None).lower()
-        _pose(model, each.pose)
-        _link(etree.SubElement(model, "link", name="link"), each.link)
+        _pose(_model_of(world, each.name, {"link": each}, each.pose), each.pose)
     return etree.tostring(root, pretty_print=True, encoding="unicode")
+
+
+def sdf_model(name: str, links: Mapping[str, SceneObject], pose: np.ndarray) -> str:
+    """Write objects as the links of an SDF model, static if none has a mass.
+
+    Args:
+        name: Name of the model.
+        links: Objects by the names of their links.
+        pose: Pose of the model in the map, shape (7,), which is not written.
+    """
+    root = etree.Element("sdf", version="1.6")
+    _model_of(root, name, links, pose)
+    return etree.tostring(root, pretty_print=True, encoding="unicode")
+
+
+def _model_of(
+    root: etree._Element, name: str, links: Mapping[str, SceneObject], pose: np.ndarray
+) -> etree._Element:
+    """Write a model at a pose in the map, but not the pose."""
+    model = etree.SubElement(root, "model", name=name)
+    is_static = all(each.mass is None for each in links.values())
+    etree.SubElement(model, "static").text = str(is_static).lower()
+    for own, each in links.items():
+        link = etree.SubElement(model, "link", name=own)
+        if each.pose is not pose:
+            _pose(link, compose(inverse(pose), each.pose))
+        _link(link, each.link)
+    return model
 
 
 def _link(element: etree._Element, link: Link) -> None:

@@ -39,6 +39,7 @@ from g1_description.robot.load import read_absolute
 from g1_description.robot.poses import check_pose, find_pose, read_poses
 from g1_description.robot.profile import find_profile
 from g1_description.robot.urdf import as_version_1_0
+from g1_description.scenes.scene import Scene
 from g1_description.text import listed, similar_first
 
 SWITCHED = (("web", "web"), ("checker", "checks"), ("interactive", "interactive"))
@@ -54,7 +55,7 @@ TIMEOUT = 2.0
 
 
 def launched_robot(model: str | None, given: dict[str, str], nodes: list[str]) -> str:
-    """Read the robot, and check the other launch arguments.
+    """Read the robot, and check the other launch arguments, with the scene.
 
     Args:
         model: The model, as for ``read_model``; empty: that of the profile ``robot``;
@@ -66,14 +67,16 @@ def launched_robot(model: str | None, given: dict[str, str], nodes: list[str]) -
         URDF 1.0 with absolute mesh URIs; empty without a model.
 
     Raises:
-        G1DescriptionError: If the robot or a value is invalid, or one of the nodes is
-            running.
+        G1DescriptionError: If the robot, the scene or a value is invalid, or one of the
+            nodes is running.
     """
     words = words_of_parent()
     usual = given.get("robot") or DEFAULT
     check_for_empty({**given, "robot": usual, "model": model or usual}, words)
     given = {**given_to_own_file(words), **given}
     check_arguments(given)
+    if given.get("scene"):
+        Scene.read(given["scene"])
     text = "" if model is None else _checked_text(model.strip() or usual, given)
     on = ("true", "1")  # as roslaunch writes it
     switched = [n for n, switch in SWITCHED if given.get(switch, "").lower() in on]

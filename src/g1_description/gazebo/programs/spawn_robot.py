@@ -174,7 +174,7 @@ def spawn_in_each(parameters: SpawnParameters, gazebo: GazeboServices) -> None:
     """
     while True:
         gazebo.wait_for("spawn_urdf_model")
-        known = _address()  # before spawning: Gazebo may be replaced meanwhile
+        known = address_of_gazebo()  # before spawning: Gazebo may be replaced meanwhile
         wait = None
         try:
             spawn(parameters, gazebo)
@@ -186,21 +186,21 @@ def spawn_in_each(parameters: SpawnParameters, gazebo: GazeboServices) -> None:
                 rospy.logerr("%s. Trying again in %g s.", reason, RETRY_PERIOD)
                 wait = RETRY_PERIOD
         try:
-            is_another = _wait_for_another(known, wait)
+            is_another = wait_for_another(known, wait)
         except rospy.ROSInterruptException:
             return
         if is_another:
             rospy.loginfo("Gazebo was restarted; the robot is spawned again.")
 
 
-def _wait_for_another(known: str | None, timeout: float | None) -> bool:
+def wait_for_another(known: str | None, timeout: float | None) -> bool:
     """Wait until Gazebo's node has another address; return whether it has."""
     return wait_until(
-        lambda: _address() not in (None, known), timeout, period=WATCH_PERIOD
+        lambda: address_of_gazebo() not in (None, known), timeout, period=WATCH_PERIOD
     )
 
 
-def _address() -> str | None:
+def address_of_gazebo() -> str | None:
     """Look up the address of Gazebo's node, unique to a process."""
     try:
         return rosgraph.Master(rospy.get_name()).lookupNode(GAZEBO)
