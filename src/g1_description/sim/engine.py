@@ -20,6 +20,7 @@ from g1_description.motion.motors import Motors, motors_of
 from g1_description.robot.dynamics import GRAVITY
 from g1_description.robot.profile import is_profile
 from g1_description.sim.drives import MAX_EFFORT, Drives, PdCommand
+from g1_description.sim.grip import Grip
 from g1_description.sim.model import Model
 from g1_description.sim.moving_models import MovingModels, RestDetector
 from g1_description.text import listed
@@ -179,6 +180,7 @@ class Engine(ABC):
         self.properties = properties
         self._given_motors = motors
         self._drives: dict[str, Drives] = {}
+        self._grips: tuple[Grip, ...] = ()
         self._rest = RestDetector()
         self._has_advanced = False
         self._failure = ""
@@ -450,6 +452,14 @@ class Engine(ABC):
     @abstractmethod
     def update_gravity(self, model: Model) -> None:
         """Apply which links of a model have gravity."""
+
+    def fix(self, grips: Sequence[Grip]) -> None:
+        """Fix objects to the links that carry them, and no others.
+
+        Each passes through its link. In ``kinematic`` physics nothing changes.
+        """
+        self._rest.wake()
+        self._grips = tuple(grips) if self.is_dynamic else ()
 
     @abstractmethod
     def contacts(self) -> set[tuple[str, str]]:

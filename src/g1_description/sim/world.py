@@ -26,6 +26,7 @@ from g1_description.robot.lumping import impossible_inertias
 from g1_description.robot.transform import compose
 from g1_description.sdf.world import EMPTY_WORLD, Light, Sdf, read_sdf
 from g1_description.sim.anchor import Anchors, Gantries
+from g1_description.sim.attachments import Attachments
 from g1_description.sim.drives import PdCommand
 from g1_description.sim.engine import MAX_STEPS, PhysicsProperties
 from g1_description.sim.engines import engine_class
@@ -98,6 +99,8 @@ class World:
         """Current and future motions."""
         self.gantries = Gantries(self.engine)
         """Ropes on which models hang; a reset leaves them, from points above them."""
+        self.attachments = Attachments(self.engine)
+        """Objects that links carry; a reset lets them go."""
         content = content or read_sdf(EMPTY_WORLD)
         self.time_ns = round(content.time * 1e9)
         """Simulated time in [ns]."""
@@ -258,6 +261,7 @@ class World:
         self.motions.forget(model)
         self.anchors.forget(model)
         self.gantries.forget(model)
+        self.attachments.forget(model)
         self.engine.remove(name)
         del self.models[name]
         self._forget_names()
@@ -289,6 +293,7 @@ class World:
                 self.engine.update_models()
             else:
                 self.motions.step(first, count)
+                self.attachments.follow()
         self.motions.measure(first, count)
         return count
 
@@ -329,6 +334,7 @@ class World:
         self.motions.release(model, rows)
         if not self.motions.moves_base(model):
             self.anchors.hold(model)
+        self.attachments.renew(model)
         return report
 
     def drive(
@@ -382,6 +388,7 @@ class World:
         self.anchors.renew(model)
         self.gantries.renew(model)
         self.engine.write(model)
+        self.attachments.renew(model)
 
     def set_root_state(
         self, model: Model, pose: np.ndarray, twist: np.ndarray, tree: int = 0
@@ -402,6 +409,7 @@ class World:
         self.anchors.renew(model)
         self.gantries.renew(model)
         self.engine.write(model)
+        self.attachments.renew(model)
 
     def set_link_state(
         self, entity: Entity, pose: np.ndarray, twist: np.ndarray
@@ -432,6 +440,7 @@ class World:
         self.anchors.renew(model)
         self.engine.write_joints(model, rows)
         self.engine.hold(model, rows)
+        self.attachments.renew(model)
         return placed
 
     def set_link_properties(
@@ -474,6 +483,7 @@ class World:
 
     def reset_models(self) -> None:
         """Reset all models to their poses at spawning, at rest; joints stay."""
+        self.attachments.clear()
         for model in self.models.values():
             self.motions.forget(model)
             model.return_home()
@@ -487,6 +497,7 @@ class World:
         The engine is rebuilt, so that a second run is bit-identical to the first.
         """
         self.time_ns = 0
+        self.attachments.clear()
         self.forces = ForceSchedule(self.is_dynamic)
         self.motions = Motions(self.engine, self.anchors, self.motions.fall_limits)
         for model in self.models.values():

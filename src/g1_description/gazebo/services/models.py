@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import posixpath
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -27,6 +28,7 @@ from gazebo_msgs.srv import (
 from g1_description.errors import (
     DescriptionError,
     G1DescriptionError,
+    InvalidValueError,
     UnknownNameError,
 )
 from g1_description.files.model_files import find_model
@@ -50,9 +52,12 @@ from g1_description.ros.conversions import (
 )
 from g1_description.ros.parameters import parse_robot
 from g1_description.sdf.world import Light, Sdf, SdfModel, read_sdf
+from g1_description.sim.attachments import link_row
 from g1_description.sim.entities import seen_from
 from g1_description.sim.model import Model
 from g1_description.srv import (
+    AttachObject,
+    DetachObject,
     GetAnchor,
     GetAnchorResponse,
     SetAnchor,
@@ -60,6 +65,7 @@ from g1_description.srv import (
     SetGantry,
     SetGantryResponse,
 )
+from g1_description.text import listed
 
 
 class _ModelStateResponse(GetModelStateResponse):
@@ -216,6 +222,53 @@ def set_gantry(simulation: Simulation, request):
     return SetGantryResponse(success=True, length=length)
 
 
+def attach_object(simulation: Simulation, request):
+    """Let a link carry an object. Not in Gazebo."""
+    world = simulation.world
+    try:
+        carried, link = _object(simulation, request.object_name)
+        carrier = _carrier(simulation, request)
+        world.attachments.attach(carried, link, carrier, request.link_name)
+    except G1DescriptionError as error:
+        raise RefusalError(str(error)) from error
+    return f"{request.link_name} of {carrier.name} carries {request.object_name}"
+
+
+def _carrier(simulation: Simulation, request) -> Model:
+    """Find the model that carries an object; without a name, the only one that can."""
+    world, link = simulation.world, request.link_name
+    if request.model_name:
+        return world.model(request.model_name)
+    robots = []
+    for model in world.models.values():
+        if model.joint_names:
+            with suppress(UnknownNameError):
+                link_row(model, link)
+                robots.append(model)
+    if len(robots) != 1:
+        names = listed(model.name for model in robots) or "no robot"
+        raise InvalidValueError(f"name the robot: the link {link} is one of {names}")
+    return robots[0]
+
+
+def detach_object(simulation: Simulation, request):
+    """Let an object go. Not in Gazebo."""
+    try:
+        simulation.world.attachments.detach(*_object(simulation, request.object_name))
+    except G1DescriptionError as error:
+        raise RefusalError(str(error)) from error
+    return f"{request.object_name} is let go"
+
+
+def _object(simulation: Simulation, name: str) -> tuple[Model, str]:
+    """Find the model of an object, and its link in ``model::link``."""
+    world = simulation.world
+    model, scope, link = name.partition(SCOPE)
+    if name in world.models or not scope:
+        return world.model(name), ""
+    return world.model(model), link
+
+
 NOT_A_MODEL = (
     "GazeboRosApiPlugin SpawnModel Failure: input model_xml not SDF or URDF, or cannot "
     "be converted to Gazebo compatible format."
@@ -357,5 +410,7 @@ SERVICES = (
     ("get_anchor", GetAnchor, get_anchor),
     ("set_anchor", SetAnchor, set_anchor),
     ("set_gantry", SetGantry, set_gantry),
+    ("attach_object", AttachObject, attach_object),
+    ("detach_object", DetachObject, detach_object),
 )
 """Name under the node, type, and the functions that answer and that parse the file."""

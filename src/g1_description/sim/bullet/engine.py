@@ -19,7 +19,9 @@ from g1_description.sim.bullet.create_body import (
     TooManyLinksError,
     create_body,
 )
+from g1_description.sim.bullet.grips import Grips
 from g1_description.sim.engine import Engine, PhysicsProperties
+from g1_description.sim.grip import Grip
 from g1_description.sim.meshes.shapes import find_meshes
 from g1_description.sim.model import Model, States
 from g1_description.sim.moving_models import MovingModels
@@ -125,6 +127,7 @@ class BulletEngine(Engine):
         self._bodies.clear()
         self._moved.clear()
         self._depenetration = DepenetrationLimiter(self._client)
+        self._held = Grips(self._client)
         self._write_properties()
         self._is_sorted = False
 
@@ -272,8 +275,15 @@ class BulletEngine(Engine):
         self._make(model)
         self._remove(old)
 
+    def fix(self, grips: Sequence[Grip]) -> None:
+        """Fix objects to links, before the next step."""
+        super().fix(grips)
+        self._held.release()
+        self._is_sorted = False
+
     def _remove(self, bodies: Iterable[Body]) -> None:
         """Remove bodies."""
+        self._held.release()
         for body in bodies:
             self._client.removeBody(body.number)
             self._depenetration.forget(body.number)
@@ -313,6 +323,8 @@ class BulletEngine(Engine):
         self._by_number = {body.number: body for body in bodies}
         self._jointed = [body for body in bodies if body.rows]
         self._weightless = [body for body in bodies if body.weightless]
+        self._held.release()
+        self._held.fix(self._grips, self._bodies)
         self._is_sorted = True
 
     def efforts(self, model: Model) -> np.ndarray:

@@ -19,6 +19,10 @@ without what dampers take within the step: with more, contacts throw the robot a
 """
 
 
+WELD_ROWS = 6
+"""Constraints of a weld."""
+
+
 class JointRows:
     """Where the joints of a model, shape (n_joints,), are in MuJoCo's arrays."""
 
@@ -81,7 +85,10 @@ class MujocoDrives:
         self._find_servos()
 
     def _find_servos(self) -> None:
-        """Find the servos among the constraints: one for each joint with friction."""
+        """Find the servos among the constraints.
+
+        After those of welds there is one for each joint with friction.
+        """
         with_friction = np.flatnonzero(self._model.dof_frictionloss > 0.0)
         servos = np.flatnonzero(self._is_servo[with_friction])
         dofs = with_friction[servos]
@@ -92,7 +99,7 @@ class MujocoDrives:
         # Slices, where they can be: numpy takes half as long for them.
         self._servos, self._servo_dofs, self._servo_places = (
             slice(rows[0], rows[-1] + 1) if (np.diff(rows) == 1).all() else rows
-            for rows in (servos, dofs, places)
+            for rows in (WELD_ROWS * self._model.neq + servos, dofs, places)
         )
 
     def set_targets(self, drives: Drives, rows: JointRows) -> None:

@@ -20,6 +20,7 @@ from g1_description.sim.engine import (
     PhysicsProperties,
     Steps,
 )
+from g1_description.sim.grip import Grip
 from g1_description.sim.meshes.shapes import Mesh, find_meshes
 from g1_description.sim.model import Model
 from g1_description.sim.moving_models import REST_SPEED, MovingModels
@@ -115,6 +116,11 @@ class MujocoEngine(Engine):
         """
         self._include(model, self._models[model.name][1])
 
+    def fix(self, grips: Sequence[Grip]) -> None:
+        """Fix objects to links, before the next step."""
+        super().fix(grips)
+        self._is_compiled &= not self.is_dynamic
+
     def _rebuild(self, models: Sequence[Model]) -> None:
         """Compile everything again, as the solver remembers its last solution."""
         known = self._models
@@ -130,6 +136,8 @@ class MujocoEngine(Engine):
         file = WorldFile()
         for model, meshes in self._models.values():
             file.add(model, meshes)
+        for grip in self._grips:
+            file.weld(grip)
         self._model, self._data = _compiled(file, "the world")
         bodies: dict[str, dict[str, int]] = {}
         for number, (model, link) in enumerate(file.links, 1):
@@ -194,6 +202,8 @@ class MujocoEngine(Engine):
         self._model.geom_solimp[:] = IMPEDANCE
         self._model.jnt_solref[:] = decay, 1.0
         self._model.jnt_solimp[:] = IMPEDANCE
+        self._model.eq_solref[:] = decay, 1.0
+        self._model.eq_solimp[:] = IMPEDANCE
 
     # --- states ---
 
@@ -288,12 +298,12 @@ class MujocoEngine(Engine):
                 self._restore(last)
                 speed = 0.0
             positions[step], velocities[step], last = qpos, qvel, positions[step]
-            friction.append(data.efc_force[: data.nf].copy())
+            friction.append(data.efc_force[data.ne : data.ne + data.nf].copy())
             springs[step] = of_springs
         data.xfrc_applied[:] = 0.0
         data.qfrc_applied[:] = 0.0
         by_dof = np.zeros((count, model.nv))
-        by_dof[:, data.efc_id[: data.nf]] = friction
+        by_dof[:, data.efc_id[data.ne : data.ne + data.nf]] = friction
         self._trace = Trace(model, positions, velocities, by_dof, springs)
 
     def _choose_integrator(self) -> None:
@@ -338,7 +348,7 @@ class MujocoEngine(Engine):
         Only models that were placed or are fast overlap deeply.
         """
         data = self._data
-        rows = slice(data.nf + data.nl, None)
+        rows = slice(data.ne + data.nf + data.nl, None)
         self._may_overlap = bool((data.efc_pos[rows] < -self._slow_depth).any())
         if not self._may_overlap:
             return

@@ -15,7 +15,8 @@ from g1_description.bounds import MAX_VALUE
 from g1_description.robot.assembly import SCOPE, WORLD
 from g1_description.robot.description import Description, Joint, Link, Shape
 from g1_description.robot.rotation import axes_to_rpy, from_rpy, from_z, multiply
-from g1_description.robot.transform import IDENTITY
+from g1_description.robot.transform import IDENTITY, compose, inverse
+from g1_description.sim.grip import Grip
 from g1_description.sim.meshes.hulls import thinned_hulls
 from g1_description.sim.meshes.shapes import Mesh, is_there
 from g1_description.sim.model import Model
@@ -51,6 +52,8 @@ class WorldFile:
         self._assets: list[str] = []
         self._bodies: list[str] = []
         self._n_joints = 0
+        self._welds: list[str] = []
+        self._excluded: list[str] = []
         self._masks_left = combinations(BITS, CHOSEN)
         self._groups: dict[tuple[str, str], int] = {}
         self.geoms: list[tuple[Model, str]] = []
@@ -83,7 +86,10 @@ class WorldFile:
                 *self._bodies,
                 "</worldbody><contact>",
                 *self._pairs(),
-                "</contact><actuator>",
+                *self._excluded,
+                "</contact><equality>",
+                *self._welds,
+                "</equality><actuator>",
                 *(
                     f'<general joint="j{number}" biastype="affine"/>'
                     for number in range(self._n_joints)
@@ -115,6 +121,20 @@ class WorldFile:
         for tree, known in zip(trees, model.trees):
             self._bodies += self._tree(model, tree, known.fixed, meshes)
 
+    def weld(self, grip: Grip) -> None:
+        """Fix an object of a model that was added to a link of another one."""
+        ends = (grip.carrier, grip.link), (grip.carried, grip.root)
+        one, other = (f"b{self.links.index(end) + 1}" for end in ends)
+        origins = [np.array(IDENTITY) for _ in ends]
+        for origin, (model, link) in zip(origins, ends):
+            origin[:3] = self.centers.get((model.name, link), np.zeros(3))
+        pose = compose(inverse(origins[0]), compose(grip.pose, origins[1]))
+        self._welds.append(
+            f'<weld body1="{one}" body2="{other}" '
+            f'relpose="{_row(pose[:3])} {_wxyz(pose[3:])}"/>'
+        )
+        self._excluded.append(f'<exclude body1="{one}" body2="{other}"/>')
+
     def _tree(
         self,
         model: Model,
@@ -140,8 +160,11 @@ class WorldFile:
             pose = IDENTITY if joint is None else joint.pose
             mocap = ' mocap="true"' if joint is None and fixed else ""
             place = _row(pose[:3] - above)
-            yield f'<body pos="{place}" quat="{_wxyz(pose[3:])}"{mocap}>'
             self.links.append((model, name))
+            yield (
+                f'<body name="b{len(self.links)}" pos="{place}" '
+                f'quat="{_wxyz(pose[3:])}"{mocap}>'
+            )
             inertial, origin = links[name].inertial, np.zeros(3)
             if joint is None and not fixed and inertial is not None:
                 origin = inertial.center_of_mass
