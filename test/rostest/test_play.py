@@ -10,15 +10,23 @@ import numpy as np
 import rospy
 import tf2_ros
 from g1_description.msg import RobotTrajectory
-from g1_description.srv import PlayMotion
+from g1_description.srv import DetachObject, PlayMotion
+from gazebo_msgs.srv import DeleteModel, GetModelState, SpawnModel
 from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import JointState
 from support.joint_limits import limits
 from support.programs import Program, run
-from support.ros_testing import Connected, is_at, step_by
+from support.ros_testing import Connected, is_at, service, step_by
 from support.terminal import Terminal
 from tf2_msgs.msg import TFMessage
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from g1_description.motion.files.formats import read_motion
+from g1_description.ros.conversions import pose_from_array, pose_to_array
+from g1_description.ros.parameters import read_robot
+from g1_description.scenes.carried import holds_of, motion_links, object_poses
+from g1_description.scenes.scene import Scene
+from g1_description.scenes.scene_file import sdf_model
 
 HEADER = "time,base_x,base_y,base_z,base_qx,base_qy,base_qz,base_qw,left_elbow_joint"
 SPACE, RIGHT, LEFT, CTRL_C = b" ", b"\x1b[C", b"\x1b[D", b"\x03"
@@ -181,6 +189,34 @@ class TestPlay(unittest.TestCase):
         done = run("play", self.file, "--on-floor", "--from", 3.9, "--until", 4.0)
         self.assertEqual(done.returncode, 0, done.stdout)
         self.assertAlmostEqual(self.base_pose()[2], 0.792, delta=0.005)
+
+    def test_links_carry_the_objects_of_a_scene_next_to_the_motion(self):
+        scene = Scene()
+        for name in ("box", "ghost"):  # the latter is not in the simulator
+            scene.box(name, [0.1, 0.1, 0.1], [0.4, 0.2, 1.0])
+            scene.attach(name, "left_hand", begin=1.0, end=2.0)
+        scene.save(self.file.with_name("wave.scene.yaml"))
+        self.addCleanup(self.file.with_name("wave.scene.yaml").unlink)
+        box = scene["box"]
+        spawn = service("/gazebo/spawn_sdf_model", SpawnModel)
+        text = sdf_model("box", {"link": box}, box.pose)
+        spawn("box", text, "", pose_from_array(box.pose), "")
+        delete = service("/gazebo/delete_model", DeleteModel)
+        self.addCleanup(delete, "box")
+        done = run("play", self.file)
+        self.assertEqual(done.returncode, 0, done.stdout)
+        self.assertEqual(done.stdout.count("ghost is not carried: There is no"), 1)
+        self.assertNotIn("box is not carried", done.stdout)
+        state = service("/gazebo/get_model_state", GetModelState)("box", "")
+        robot = read_robot("robot_description")
+        links = motion_links(robot, read_motion(self.file, robot))
+        holds = holds_of([box], robot, links)
+        ((expected,),) = object_poses(holds, np.array([4.0]), links)
+        self.assertGreater(np.abs(expected - box.pose).max(), 0.05)
+        found = pose_to_array(state.pose)
+        np.testing.assert_allclose(found, expected, atol=0.02)  # of a busy machine
+        detach = service("/gazebo/detach_object", DetachObject)
+        self.assertEqual(detach("box").status_message, "no link carries box")
 
     def test_what_is_wrong_is_told_in_a_sentence(self):
         arms = self.file.with_name("arms.csv")

@@ -27,11 +27,14 @@ from g1_description.motion.files.source import ReadOptions
 from g1_description.motion.motion import Motion
 from g1_description.motion.paths import absent, split
 from g1_description.robot.transform import IDENTITY
+from g1_description.ros.carrying import Carrying
 from g1_description.ros.lifecycle import start_node
 from g1_description.ros.map_frame import MapFrame
 from g1_description.ros.playing import Session
 from g1_description.ros.robot_view import RobotView
 from g1_description.ros.waiting import NoAnswerError, RefusedError, wait_until
+from g1_description.scenes.scene import Scene
+from g1_description.scenes.scene_file import scene_next_to
 from g1_description.sim.standing import lowest_height
 from g1_description.text import listed
 
@@ -133,6 +136,9 @@ BASE_TIMEOUT = 2.0
 REFRESH_PERIOD = 0.05
 """Period of updates of the progress, in [s]."""
 
+CARRYING_PERIOD = 0.005
+"""Largest delay with which objects are attached and let go, in [s]."""
+
 TOLERANCE = 0.1
 """Largest distance of a joint from the end of its motion, in [rad] or [m]: motors have
 errors."""
@@ -217,7 +223,26 @@ def progress(session: Session, speed: float) -> str:
     return f"[{bar}] {time:6.2f} of {end:.2f} s  {samples}{rate}{state}"
 
 
-def follow(session: Session, keyboard: Keyboard, args: PlayOptions) -> None:
+def carrying(args: PlayOptions, robot: RobotView, motion: Motion) -> Carrying | None:
+    """Read the scene of the options or next to the motion; None without attachments.
+
+    Raises:
+        SceneError: If it cannot be used.
+        UnknownNameError: If the robot lacks a link that carries something.
+    """
+    file = args.scene or scene_next_to(split(args.file)[0])
+    if file is None:
+        return None
+    state, name = robot.state, args.namespace.strip("/").rpartition("/")[2]
+    base = None if state is None else state.base_pose
+    base = IDENTITY if base is None else base
+    read = Scene.read(file)
+    return Carrying(read, robot.description, motion, name, notify, base) or None
+
+
+def follow(
+    session: Session, keyboard: Keyboard, args: PlayOptions, carried: Carrying | None
+) -> None:
     """Play until the end, or until the user stops it.
 
     Raises:
@@ -228,8 +253,10 @@ def follow(session: Session, keyboard: Keyboard, args: PlayOptions) -> None:
     _check_signals()
     session.start()
     while True:
-        key = keyboard.next_key(REFRESH_PERIOD)
+        key = keyboard.next_key(CARRYING_PERIOD if carried else REFRESH_PERIOD)
         _check_signals()
+        if carried:
+            carried.show(session.time)
         if key == END:
             session.pause()
             break
@@ -267,12 +294,13 @@ def play(args: PlayOptions) -> None:
     if not robot.wait_until(lambda: robot.state, TIMEOUT):
         raise NoAnswerError(f"The robot's state is unknown: {robot.silence}")
     motion = prepare(args, robot)
+    carried = carrying(args, robot, motion)
     session = Session(robot, motion, args.speed, notify, args.lead_in)
     with closing(Keyboard(terminal())) as keyboard:
         # Before the shutdown, while services can be called: else the robot continues.
         rospy.core.add_preshutdown_hook(lambda _: _leave(robot, keyboard))
         with robot.anchored(args.anchor):
-            follow(session, keyboard, args)
+            follow(session, keyboard, args, carried)
     if session.is_over:
         _check_end(robot, motion, args.file.name)
         notify(f"{args.file}: {session.end - session.begin:.2f} s played.")

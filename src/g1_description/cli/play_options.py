@@ -66,6 +66,14 @@ class PlayOptions:
         "lift or lower the whole motion so that its lowest point is at height 0", False
     )
     anchor: str | None = options.anchor()
+    scene: Path | None = option(
+        "scene whose objects links carry at the times of its attachments, in the "
+        "simulator of this package",
+        None,
+        Path,
+        metavar="FILE",
+        shown="NAME.scene.yaml next to the motion, if it is there",
+    )
     namespace: str = options.namespace()
     base_frame: str | None = option(
         "TF frame of the robot's base, for --start-here",
