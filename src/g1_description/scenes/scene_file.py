@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
+from itertools import combinations_with_replacement
 from pathlib import Path
 from typing import Any
 
@@ -338,7 +339,7 @@ def _link(element: etree._Element, link: Link) -> None:
         etree.SubElement(inertial, "mass").text = repr(link.inertial.mass)
         _pose(inertial, np.concatenate([link.inertial.center_of_mass, IDENTITY[3:]]))
         inertia = etree.SubElement(inertial, "inertia")
-        for row, column in zip(*np.triu_indices(3)):
+        for row, column in combinations_with_replacement(range(3), 2):
             tag = "i" + "xyz"[row] + "xyz"[column]
             value = float(link.inertial.inertia[row, column])
             etree.SubElement(inertia, tag).text = repr(value)
