@@ -162,3 +162,11 @@ def test_the_simulation_has_the_objects(engine):
     scene.attach("cube", "body", begin=0.2)
     notes = ROBOT.checker(physics=True, scene=scene, engine=engine).check(still).notes
     assert any("cube" in note for note in notes)
+
+
+def test_what_touches_a_plate_from_below_is_not_on_it():
+    scene = Scene()
+    scene.box("plate", [1.0, 1.0, 0.03], [0.0, 0.0, 0.053])  # 2 mm deep in the feet
+    verdict = ROBOT.check_state(np.zeros(4), [0.0, 0.0, 0.5, 0, 0, 0, 1], scene=scene)
+    pairs = [("left", "plate"), ("right", "plate")]
+    assert found(verdict) == {("collision", pair) for pair in pairs}

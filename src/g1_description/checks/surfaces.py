@@ -14,8 +14,8 @@ from g1_description.collisions.obstacles import Obstacles
 from g1_description.robot.rotation import rotate
 
 REACH = 0.05
-"""Points up to this far below a surface are still in contact with it, in [m]; deeper
-ones are inside of the object."""
+"""Points up to this far below a surface, or half the thickness of the object, are still
+in contact with it, in [m]; deeper ones are inside of the object or below it."""
 
 BESIDE = 0.01
 """Points that are deeper by more than this than they are away from the edge have come
@@ -40,6 +40,9 @@ class Surface:
 
     height: float
     """In the map, in [m]."""
+
+    reach: float
+    """Largest depth of points that are in contact with it, in [m]."""
 
     corners: np.ndarray | None
     """Corners along the map's x and y, counter-clockwise, in [m], shape (k, 2); None:
@@ -71,6 +74,7 @@ class Surfaces:
         above = [each for each in found if each.height > floor]
         self._rows = [each.row for each in above]
         self._heights = np.array([each.height - floor for each in above])
+        self._reach = [each.reach for each in above]
         self._edges = [_edges(each.corners) for each in above]
         everywhere = np.array([[-np.inf] * 2, [np.inf] * 2])
         ends = [everywhere if e.corners is None else e.corners for e in above]
@@ -93,7 +97,7 @@ class Surfaces:
         for number in self.near(points.min(axis=axes), points.max(axis=axes)):
             depth, edges = self._heights[number] - points[..., 2], self._edges[number]
             inside = (points[..., :2] @ edges[:, :2].T + edges[:, 2]).min(axis=-1)
-            deepest = np.minimum(REACH, inside + BESIDE)
+            deepest = np.minimum(self._reach[number], inside + BESIDE)
             is_above = (inside >= 0.0) & (depth <= deepest)
             height[is_above], row[is_above] = self._heights[number], self._rows[number]
         return height, row
@@ -165,7 +169,7 @@ def _surfaces(obstacles: Obstacles, object_poses: np.ndarray) -> Iterator[Surfac
                 normal = rotate(pose[3:], rotate(flat.pose[3:], np.array(flat.size)))
                 if normal[2] > UPRIGHT:
                     point = pose[:3] + rotate(pose[3:], flat.pose[:3])
-                    yield Surface(row, float(point[2]), None)
+                    yield Surface(row, float(point[2]), REACH, None)
 
 
 def _top(shape: ConvexShape, row: int, pose: np.ndarray) -> Iterator[Surface]:
@@ -176,7 +180,8 @@ def _top(shape: ConvexShape, row: int, pose: np.ndarray) -> Iterator[Surface]:
     x, y = corners.T
     area = 0.5 * (x * np.roll(y, -1) - np.roll(x, -1) * y).sum()
     if area >= LEAST_AREA:
-        yield Surface(row, height, corners)
+        thickness = float(np.ptp(points[:, 2]))
+        yield Surface(row, height, min(REACH, thickness / 2), corners)
 
 
 def _edges(corners: np.ndarray | None) -> np.ndarray:
