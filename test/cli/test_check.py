@@ -55,6 +55,19 @@ def refused(capsys, *arguments):
     return line
 
 
+def test_a_scene_is_known_in_all_processes(folder, capsys):
+    files = write_motions(folder, PASSES, 0.0)
+    Path("scene.yaml").write_text(
+        "boxes: {wall: {size: [1, 1, 1], at: [0.62, 0, 0.7]}}"
+    )
+    assert run(*files, "--scene", "scene.yaml", "--jobs", 2, "--html", "out.html") == 1
+    text = capsys.readouterr().out
+    assert "arm penetrates wall by 0.0" in text and "1 passed, 1 failed" in text
+    assert "arm penetrates wall by 0.0" in Path("out.html").read_text()
+    Path("scene.yaml").write_text("attach: {wall: {link: hand}}")
+    assert "scene.yaml" in refused(capsys, str(files[0]), "--scene", "scene.yaml")
+
+
 @pytest.mark.parametrize(("reaches", "code"), [([PASSES], 0), ([PASSES, FAILS], 1)])
 def test_the_exit_code_says_whether_a_motion_failed(folder, capsys, reaches, code):
     assert run(*write_motions(folder, *reaches)) == code
