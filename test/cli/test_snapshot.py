@@ -303,14 +303,14 @@ def test_a_film_goes_on_after_a_reset_and_waits_as_long_as_the_clock_advances(
     monkeypatch.setattr(running_robots.rospy, "get_time", lambda: now[0])
     now[:] = [5.0, 5.0]
     with pytest.raises(NoAnswerError, match=r"did not advance for 10 s \(it is at 5 s"):
-        running_robots.record([], 7.0, 1.0 / 3.5)
+        running_robots.record(list, 7.0, 1.0 / 3.5)
     clock = [5.0, 9.0, 9.5, 1.0, 2.0, 3.5]
     now[:] = clock
-    assert len(running_robots.record([], 10.5, 1.0 / 3.5)) == 3  # at 0, 3.5 and 7 s
+    assert len(running_robots.record(list, 10.5, 1.0 / 3.5)) == 3  # at 0, 3.5 and 7 s
     assert now == [3.5]
     now[:] = [*clock, 3.5]
     with pytest.raises(NoAnswerError, match=r"it is at 3.5 s\); is time paused\?"):
-        running_robots.record([], 14.0, 1.0 / 3.5)
+        running_robots.record(list, 14.0, 1.0 / 3.5)
 
 
 def test_a_film_is_not_longer_than_there_is_room_for():

@@ -16,7 +16,7 @@ import rosgraph
 import rospy
 from g1_description.msg import RobotState
 from gazebo_msgs.msg import ModelState
-from gazebo_msgs.srv import SetModelState
+from gazebo_msgs.srv import DeleteModel, SetModelState, SpawnModel
 from geometry_msgs.msg import Point, Pose, Quaternion
 from PIL import Image, ImageSequence
 from sensor_msgs.msg import JointState
@@ -32,6 +32,8 @@ from support.ros_testing import (
 
 from g1_description.cli import running_robots, snapshot
 from g1_description.ros.robot_view import RobotView
+from g1_description.scenes.scene import Scene
+from g1_description.scenes.scene_file import sdf_of
 
 SHOULDER = "left_shoulder_roll_joint"
 SMALL = ("--size", "64x48")
@@ -124,17 +126,30 @@ def test_a_picture_shows_what_a_command_did_and_the_floor_of_the_map(
     assert (before[225:] != flying[225:]).any()
 
 
+def test_objects_of_the_simulator_are_seen(draw):
+    scene = Scene()
+    scene.sphere("ball", 0.3, [0.5, 0.0, 1.0], color=[1.0, 0.0, 0.0])
+    given = {"model_name": "ball", "model_xml": sdf_of([*scene.values()])}
+    service("/gazebo/spawn_sdf_model", SpawnModel)(**given)
+    try:
+        picture = picture_in(draw("a.png", "--view", "front", *SMALL)[0])
+    finally:
+        service("/gazebo/delete_model", DeleteModel)("ball")
+    red, green, blue = np.moveaxis(picture, 2, 0)
+    assert ((red > 2 * green) & (red > 2 * blue)).sum() > 20
+
+
 def test_a_film_shows_the_robot_moving_and_goes_on_after_a_reset(
     draw, commands, monkeypatch
 ):
     reset = service("/gazebo/reset_simulation", Empty)
     sampled = []
 
-    def now(views):
+    def now(*given):
         sampled.append(rospy.get_time())
         if len(sampled) == 4:
             reset()
-        return sample(views)
+        return sample(*given)
 
     def swing():
         angle = 0.7 + 0.6 * np.sin(4.0 * time.monotonic())

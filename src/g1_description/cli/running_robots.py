@@ -1,29 +1,39 @@
 """Running robots as the command snapshot draws them.
 
 Subscribes: robot_state (g1_description/RobotState); without a bridge joint_states
-    (sensor_msgs/JointState), /tf, /tf_static
+    (sensor_msgs/JointState), /tf, /tf_static; /gazebo/scene and /gazebo/object_states,
+    as ros.present_objects, where they are
 Reads: robot_description
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Callable
 
 import rosgraph
 import rospy
 
-from g1_description.cli.film import PlacedRobot, count, placed
+from g1_description.cli.film import Moment, count, placed
 from g1_description.robot.description import Description
 from g1_description.ros.lifecycle import no_master, start_node
+from g1_description.ros.present_objects import PresentObjects
 from g1_description.ros.robot_view import RobotView
 from g1_description.ros.waiting import NoAnswerError, wait_until
+from g1_description.scenes.objects import SceneObject
 
 JOINTS_TIMEOUT = 10.0
 """Longest wait for the positions of all joints, in [s]."""
 
 BASE_TIMEOUT = 2.0
 """Longest wait for the base once the joints are known, in [s]."""
+
+GAZEBO = "gazebo"
+"""Namespace of the simulator."""
+
+OBJECTS_TIMEOUT = 2.0
+"""Longest wait for the objects of the simulator, in [s]."""
 
 CLOCK_TIMEOUT = 10.0
 """Longest wait for the clock to advance, in [s]."""
@@ -33,8 +43,8 @@ def watch(
     namespaces: Sequence[str] | None,
     film: tuple[float, float] | None,
     notify: Callable[[str], None],
-) -> tuple[list[Description], list[list[PlacedRobot]]]:
-    """Sample running robots.
+) -> tuple[list[Description], list[Moment], list[SceneObject]]:
+    """Sample running robots, and the objects in the simulator.
 
     Args:
         namespaces: Those of the robots' topics; None: the current one.
@@ -42,7 +52,7 @@ def watch(
         notify: Prints a message.
 
     Returns:
-        The robots, and all of them in each picture.
+        The robots, all that is in each picture, and the objects.
 
     Raises:
         NoAnswerError: If there is no master, it is lost, or no states of a robot.
@@ -69,14 +79,28 @@ def watch(
                 notify(
                     f"{view.no_base}: '{name}' is drawn with its root at the origin."
                 )
-        moments = record(views, *film) if film else [now(views)]
+        objects = _present_objects(notify)
+        sample = partial(now, views, objects)
+        moments = record(sample, *film) if film else [sample()]
         for view in views:  # drawing needs the processor
             view.close()
+        objects.close()
     except rospy.ROSInterruptException:
         raise
     except (OSError, rospy.ROSException, rosgraph.MasterException) as error:
         raise NoAnswerError(f"lost the connection to the master: {error}.") from error
-    return [view.description for view in views], moments
+    scene = objects.newest()[0]
+    around = [] if scene is None else [*scene.values()]
+    return [view.description for view in views], moments, around
+
+
+def _present_objects(notify: Callable[[str], None]) -> PresentObjects:
+    """Wait for the objects of a simulator that has some."""
+    objects = PresentObjects(GAZEBO, notify)
+    topics = [name for name, _ in rospy.get_published_topics()]
+    if f"/{GAZEBO}/scene" in topics:
+        wait_until(lambda: objects.newest()[0] is not None, OBJECTS_TIMEOUT)
+    return objects
 
 
 def _has_base(view: RobotView) -> bool:
@@ -85,10 +109,8 @@ def _has_base(view: RobotView) -> bool:
     return state is not None and state.base_pose is not None
 
 
-def record(
-    views: Sequence[RobotView], seconds: float, fps: float
-) -> list[list[PlacedRobot]]:
-    """Sample the states of robots; a reset does not set the elapsed time back."""
+def record(sample: Callable[[], Moment], seconds: float, fps: float) -> list[Moment]:
+    """Sample what is seen; a reset does not set the elapsed time back."""
     last, passed, found = rospy.get_time(), 0.0, []
 
     def has_advanced() -> bool:
@@ -103,14 +125,15 @@ def record(
                 )
             before, last = last, rospy.get_time()
             passed += max(0.0, last - before)
-        found.append(now(views))
+        found.append(sample())
     return found
 
 
-def now(views: Sequence[RobotView]) -> list[PlacedRobot]:
-    """Return the current states of robots."""
+def now(views: Sequence[RobotView], objects: PresentObjects) -> Moment:
+    """Return the current states of robots and objects."""
     states = [(view, view.state) for view in views]
-    return [
+    robots = [
         placed(view.description, state and state.base_pose, view.positions)
         for view, state in states
     ]
+    return Moment(robots, objects.newest()[1])

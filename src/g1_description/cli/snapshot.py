@@ -316,9 +316,10 @@ def write_page(args: SnapshotOptions) -> None:
     if args.model or args.motion:
         robot, motion, scene = read_files(args)
     else:
-        robots, moments = watch_now(args)
-        robot, motion = robots[0], motion_of(robots[0], moments[0].robots[0])
-        scene = Scene()
+        robots, (moment,), objects = watch_now(args)
+        robot, motion = robots[0], motion_of(robots[0], moment.robots[0])
+        known = moment.objects
+        scene = Scene([replace(o, pose=known.get(o.name, o.pose)) for o in objects])
     name = args.motion.name if args.motion else robot.name
     text = motion_page(robot, motion, name=name, scene=scene)
     # File names may contain bytes that are not text.
@@ -393,11 +394,11 @@ def with_joints(motion: Motion, positions: dict[str, float]) -> Motion:
 
 def watch_now(
     args: SnapshotOptions,
-) -> tuple[list[Description], list[Moment]]:
+) -> tuple[list[Description], list[Moment], list[SceneObject]]:
     """Sample the running robots, for the requested duration.
 
     Returns:
-        The robots, and all of them in each picture.
+        The robots, all that is in each picture, and the objects in the simulator.
 
     Raises:
         NoAnswerError: If there is no master, it is lost, or no states of a robot.
@@ -410,10 +411,9 @@ def watch_now(
             f"Running robots need ROS (there is no {error.name}); --motion FILE or "
             "--model FILE draws without it."
         ) from error
-    robots, moments = watch(
+    return watch(
         args.namespace, (args.seconds, args.fps) if args.is_film else None, notify
     )
-    return robots, [Moment(moment) for moment in moments]
 
 
 def main() -> None:
@@ -425,6 +425,7 @@ def main() -> None:
         elif args.model or args.motion:
             draw_file(args)
         else:
-            draw_all(*watch_now(args), args)
+            robots, moments, objects = watch_now(args)
+            draw_all(robots, moments, args, objects)
     except (G1DescriptionError, OSError) as error:
         exit_with_error("snapshot", error)

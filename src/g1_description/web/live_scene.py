@@ -1,7 +1,6 @@
 """The objects in the simulator, as shown and changed by a page.
 
-Subscribes, below the simulator's name and while the page is open: scene
-    (std_msgs/String), object_states (gazebo_msgs/LinkStates)
+Subscribes, while the page is open: as ros.present_objects
 Calls: those of LiveSimulator, and spawn_sdf_model (gazebo_msgs/SpawnModel),
     delete_model (gazebo_msgs/DeleteModel), set_model_state (gazebo_msgs/SetModelState)
 """
@@ -9,25 +8,27 @@ Calls: those of LiveSimulator, and spawn_sdf_model (gazebo_msgs/SpawnModel),
 from __future__ import annotations
 
 import threading
-from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
+from typing import Dict, Mapping, Tuple
 
 import numpy as np
-import rospy
-from gazebo_msgs.msg import LinkStates, ModelState
+from gazebo_msgs.msg import ModelState
 from gazebo_msgs.srv import DeleteModel, SetModelState, SpawnModel
-from std_msgs.msg import String
 
-from g1_description.errors import DescriptionError, InvalidValueError
+from g1_description.errors import InvalidValueError
 from g1_description.robot.assembly import SCOPE
 from g1_description.robot.transform import IDENTITY
-from g1_description.ros.conversions import pose_from_array, pose_to_array
+from g1_description.ros.conversions import pose_from_array
 from g1_description.ros.log import ThrottledLog
+from g1_description.ros.present_objects import PresentObjects
 from g1_description.scenes.objects import SceneObject
 from g1_description.scenes.scene import Scene
-from g1_description.scenes.scene_file import objects_of_sdf, sdf_of
+from g1_description.scenes.scene_file import sdf_of
 from g1_description.web.live_simulator import LiveSimulator
 from g1_description.web.scene.objects import Looks, SeenObject
+
+_Shown = Tuple[Dict[str, SeenObject], Mapping[str, np.ndarray]]
 
 
 class LiveScene:
@@ -50,49 +51,34 @@ class LiveScene:
         self._simulator, self._changed, self._log = simulator, changed, log
         self._lock = threading.Lock()
         self._looks = Looks()
-        self._objects: dict[str, SeenObject] = {}
-        self._poses: dict[str, np.ndarray] = {}
-        self._subscribers: tuple[rospy.Subscriber, ...] = ()
+        self._present: PresentObjects | None = None
+        self._scene: Scene | None = None
+        self._shown: _Shown = {}, {}
 
     def watch(self, is_watched: bool) -> None:
         """Subscribe while the page is open."""
-        for subscriber in self._subscribers:
-            subscriber.unregister()
+        if self._present is not None:
+            self._present.close()
+        refuse = partial(self._log.warn, "scene")
         name = self._simulator.name
-        self._subscribers = ()
-        if is_watched:
-            self._subscribers = (
-                rospy.Subscriber(f"{name}/scene", String, self._take_scene),
-                rospy.Subscriber(
-                    f"{name}/object_states", LinkStates, self._take_states
-                ),
-            )
+        self._present = PresentObjects(name, refuse, self._take) if is_watched else None
 
-    def _take_scene(self, message: String) -> None:
-        """Take all objects, with their present poses."""
-        try:
-            objects = Scene(objects_of_sdf(message.data))
-        except (DescriptionError, InvalidValueError) as error:
-            name = self._simulator.name
-            self._log.warn("scene", f"The scene of {name} cannot be drawn: {error}")
+    def _take(self) -> None:
+        """Find what is seen of objects that are new; called by rospy's threads."""
+        present = self._present
+        if present is None:
             return
         with self._lock:
-            self._objects = self._looks.of([*objects.values()])
-            self._poses = {each.name: each.pose for each in objects.values()}
+            scene, poses = present.newest()
+            objects = self._shown[0]
+            if scene is not self._scene and scene is not None:
+                self._scene, objects = scene, self._looks.of([*scene.values()])
+            self._shown = objects, poses
         self._changed.set()
 
-    def _take_states(self, message: LinkStates) -> None:
-        """Take the poses of objects that have moved."""
-        poses = {n: pose_to_array(pose) for n, pose in zip(message.name, message.pose)}
-        with self._lock:
-            known = {name: pose for name, pose in poses.items() if name in self._poses}
-            self._poses = {**self._poses, **known}
-        self._changed.set()
-
-    def shown(self) -> tuple[Mapping[str, SeenObject], Mapping[str, np.ndarray]]:
+    def shown(self) -> _Shown:
         """Return all objects by name, and T_map_object of each, shape (7,)."""
-        with self._lock:
-            return self._objects, self._poses
+        return self._shown
 
     # --- changes by people: these block, and raise G1DescriptionError if refused ---
 

@@ -1,0 +1,83 @@
+"""The objects in a simulator, as they are now.
+
+Subscribes, below the simulator's name: scene (std_msgs/String), object_states
+    (gazebo_msgs/LinkStates)
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping
+from typing import Callable
+
+import numpy as np
+import rospy
+from gazebo_msgs.msg import LinkStates
+from std_msgs.msg import String
+
+from g1_description.errors import G1DescriptionError
+from g1_description.ros.conversions import pose_to_array
+from g1_description.scenes.scene import Scene
+from g1_description.scenes.scene_file import objects_of_sdf
+
+
+class PresentObjects:
+    """The objects of a simulator."""
+
+    def __init__(
+        self,
+        gazebo: str,
+        refuse: Callable[[str], object],
+        came: Callable[[], object] = lambda: None,
+    ) -> None:
+        """Begin without objects, and subscribe.
+
+        Args:
+            gazebo: Namespace of the simulator.
+            refuse: Called with a sentence on objects that cannot be read.
+            came: Called by rospy's threads when objects come, go or move.
+        """
+        self._refuse, self._came = refuse, came
+        self._lock = threading.Lock()
+        self._scene: Scene | None = None
+        self._poses: dict[str, np.ndarray] = {}
+        name = "/" + gazebo.strip("/")
+        self._subscribers = (
+            rospy.Subscriber(f"{name}/scene", String, self._take_scene),
+            rospy.Subscriber(f"{name}/object_states", LinkStates, self._take_states),
+        )
+
+    def newest(self) -> tuple[Scene | None, Mapping[str, np.ndarray]]:
+        """Return the objects, and where they are.
+
+        Returns:
+            The scene, another one for other objects, None before the first; and
+            T_map_object, shape (7,), by name.
+        """
+        with self._lock:
+            return self._scene, self._poses
+
+    def close(self) -> None:
+        """Unsubscribe."""
+        for subscriber in self._subscribers:
+            subscriber.unregister()
+
+    def _take_scene(self, message: String) -> None:
+        """Take all objects, with their present poses."""
+        try:
+            scene = Scene(objects_of_sdf(message.data))
+        except G1DescriptionError as error:
+            self._refuse(f"The objects of the simulator cannot be read: {error}")
+            return
+        with self._lock:
+            self._scene = scene
+            self._poses = {name: each.pose for name, each in scene.items()}
+        self._came()
+
+    def _take_states(self, message: LinkStates) -> None:
+        """Take the poses of objects that have moved."""
+        poses = {n: pose_to_array(pose) for n, pose in zip(message.name, message.pose)}
+        with self._lock:
+            known = {name: pose for name, pose in poses.items() if name in self._poses}
+            self._poses = {**self._poses, **known}
+        self._came()
