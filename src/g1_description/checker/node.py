@@ -24,7 +24,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from diagnostic_updater import Updater
 
 from g1_description.checker.markers import LiveMarkers
-from g1_description.checker.objects import CheckerAmongObjects, PresentObjects
+from g1_description.checker.objects import CheckedObjects, CheckerAmongObjects
 from g1_description.checker.parameters import (
     CheckerParameters,
     base_frame,
@@ -244,7 +244,7 @@ def make_collisions(
 
 
 def make_checker(
-    robot: Description, parameters: CheckerParameters, objects: PresentObjects
+    robot: Description, parameters: CheckerParameters, objects: CheckedObjects
 ) -> CheckerAmongObjects:
     """Create the checks of the robot among objects.
 
@@ -263,7 +263,7 @@ def start(robot: Description, parameters: CheckerParameters) -> None:
         G1DescriptionError: If a file cannot be read.
     """
     log, lock = ThrottledLog(), threading.Lock()
-    objects = PresentObjects(parameters.read_scene(), parameters.gazebo, log)
+    objects = CheckedObjects(parameters.read_scene(), parameters.gazebo, log)
     checker = make_checker(robot, parameters, objects)
     for note in checker.newest()[0].notes:
         rospy.loginfo("%s", note)

@@ -9,7 +9,6 @@ from functools import partial
 from typing import TYPE_CHECKING, Callable, Optional, Tuple
 
 from g1_description.checks.checker import Checker, LiveCheck
-from g1_description.collisions.obstacles import Obstacles
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.robot.state import RobotState
@@ -143,14 +142,7 @@ class CheckThread:
     ) -> None:
         checker = self._checker(key[1])
         if scene:
-            checker = Checker(
-                checker.description,
-                checker.thresholds,
-                checker.fixed_base,
-                checker.collisions,
-                checker.physics,
-                Obstacles(checker.description, scene),
-            )
+            checker = checker.among(scene)
         verdict = checker.check(motion)
         found = replace(verdict, measured=None)  # which needs much memory
         self._ui.post(("motion", *key), lambda: then(found))
