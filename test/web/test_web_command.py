@@ -172,7 +172,7 @@ def test_it_shows_until_ctrl_c_also_while_somebody_looks_and_begins_again(tmp_pa
         check_comparison(client.nodes)
         groups = [e.get("_tab_labels", ()) for e in client.elements.values()]
         (tabs,) = [labels for labels in groups if "View" in labels]
-        assert tabs[0] == "Motion" and len(tabs) == 5
+        assert tabs[0] == "Motion" and len(tabs) == 6
         process.send_signal(signal.SIGTERM)
         output, errors = process.communicate(timeout=DEADLINE)
         assert (process.returncode, output, errors) == (0, "", "")
