@@ -684,7 +684,9 @@ def checks(bench):
     robot = bench.robot
     clips = [clip(robot, seed) for seed in range(bench.length(6, 2))]
     counts = (0, 20, 200)
-    among = [robot.checker(scene=clutter(count) if count else None) for count in counts]
+    among = [
+        robot.checker(scene=some_objects(count) if count else None) for count in counts
+    ]
     spent = np.zeros(len(counts))
     for motion in clips:  # the first one prepares what is needed once
         for row, checker in enumerate(among):
@@ -715,7 +717,7 @@ def checks(bench):
         bench.add("the service check_state", rate, "1/s", ">= 300")
 
 
-def clutter(count):
+def some_objects(count):
     """Make up objects."""
     random, scene = np.random.default_rng(0), Scene()
     for number in range(count):

@@ -20,9 +20,9 @@ from g1_description.robot.description import Description
 from g1_description.robot.transform import IDENTITY
 from g1_description.ros.conversions import pose_from_array
 from g1_description.scenes.carried import (
-    carrying_link,
     holds_of,
     motion_links,
+    named_link,
     object_poses,
 )
 from g1_description.scenes.scene import Scene
@@ -60,7 +60,7 @@ class Carrying:
         self._links = motion_links(robot, motion, base)
         self._holds = holds_of(self._objects, robot, self._links)
         self._names = {
-            one.link: carrying_link(each.name, one.link, robot)
+            one.link: named_link(robot, one.link, each.name)
             for each in self._objects
             for one in each.attachments
         }
