@@ -153,6 +153,7 @@ def test_roslaunch_reads_the_launch_file(folder):
     assert len(values["/link_states_bridge/controllers"]) == 5
     nodes = {node.name for node in config.nodes}
     assert {"gazebo", "link_states_bridge", "move_group", "publish_objects"} <= nodes
+    assert "planning_scene" in nodes
     assert "* ball" in (folder / "objects.scene").read_text().splitlines()
 
 

@@ -32,6 +32,7 @@ from gazebo_msgs.srv import (
 )
 from gazebo_ros import gazebo_interface
 from geometry_msgs.msg import Point, Pose, Quaternion
+from moveit_messages import MOVE, REMOVE, can, collision_object, pose
 from rosgraph_msgs.msg import Clock, Log
 from scipy.spatial.transform import Rotation
 from std_msgs.msg import String
@@ -52,6 +53,8 @@ from g1_description.errors import DescriptionError
 from g1_description.gazebo.node import make_world
 from g1_description.gazebo.parameters import GazeboParameters, SpawnParameters
 from g1_description.gazebo.programs import spawn_model, spawn_robot
+from g1_description.gazebo.programs.planning_scene import PlanningScene
+from g1_description.gazebo.programs.spawn_model import GazeboServices
 from g1_description.scenes.scene import Scene
 from g1_description.scenes.scene_file import objects_of_sdf, sdf_of
 
@@ -120,6 +123,29 @@ def test_objects_are_published_to_who_comes_and_when_they_change(simulator):
     assert gone.markers[0].ns == "ball"
     for topic in topics:
         topic.close()
+
+
+def test_objects_of_moveit_come_move_and_go(simulator):
+    scene = PlanningScene(GazeboServices("/gazebo"))
+    objects = Listener("/gazebo/scene", String)
+
+    def is_there(message):
+        return "can" in [each.name for each in objects_of_sdf(message.data)]
+
+    def height():
+        state = simulator.call("get_model_state", model_name="can")
+        return state.pose.position.z if state.success else None
+
+    scene.take(can())
+    objects.wait(is_there)
+    assert height() == pytest.approx(0.5)
+    scene.take(collision_object("can", operation=MOVE, at=pose(3, 0, 0.7)))
+    assert height() == pytest.approx(0.7)
+    scene.take(collision_object("can", operation=REMOVE))
+    objects.wait(lambda message: not is_there(message))
+    scene.take(collision_object("can"))  # without shapes
+    assert height() is None
+    objects.close()
 
 
 class Server:

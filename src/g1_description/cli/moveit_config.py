@@ -293,6 +293,11 @@ def launch(model: str, has_scene: bool) -> str:
     <arg name="web" value="$(arg web)"/>
   </include>
 
+  <node name="planning_scene" pkg="g1_description" type="planning_scene.py"
+      if="$(eval arg('display') and arg('move_group'))">
+    <remap from="planning_scene" to="move_group/monitored_planning_scene"/>
+  </node>
+
   <param name="robot_description_semantic" textfile="$(dirname)/{SRDF}"/>
   <rosparam ns="robot_description_planning" file="$(dirname)/{JOINT_LIMITS}"/>
   <rosparam ns="robot_description_kinematics" file="$(dirname)/{KINEMATICS}"/>

@@ -59,6 +59,17 @@ def apply_message(
         )
 
 
+def frames_of(message: Any) -> set[str]:
+    """List the frames that a message of MoveIt names, but for the map."""
+    if hasattr(message, "world"):
+        held = [each.object for each in message.robot_state.attached_collision_objects]
+        objects = [*message.world.collision_objects, *held]
+    else:
+        objects = [getattr(message, "object", message)]
+    names = {each.header.frame_id for each in objects if each.operation != REMOVE}
+    return names - {*WORLDS}
+
+
 def _apply(objects: Objects, message: Any, frames: Mapping[str, np.ndarray]) -> None:
     """Change one object."""
     name, operation = message.id, message.operation

@@ -2,7 +2,9 @@
 
 Subscribes, while the page is open: as ros.present_objects
 Calls: those of LiveSimulator, and spawn_sdf_model (gazebo_msgs/SpawnModel),
-    delete_model (gazebo_msgs/DeleteModel), set_model_state (gazebo_msgs/SetModelState)
+    delete_model (gazebo_msgs/DeleteModel), set_model_state
+    (gazebo_msgs/SetModelState), attach_object (g1_description/AttachObject),
+    detach_object (g1_description/DetachObject)
 """
 
 from __future__ import annotations
@@ -18,13 +20,13 @@ from gazebo_msgs.srv import DeleteModel, SetModelState, SpawnModel
 
 from g1_description.errors import InvalidValueError
 from g1_description.robot.assembly import SCOPE
-from g1_description.robot.transform import IDENTITY
 from g1_description.ros.conversions import pose_from_array
 from g1_description.ros.log import ThrottledLog
 from g1_description.ros.present_objects import PresentObjects
 from g1_description.scenes.objects import SceneObject
 from g1_description.scenes.scene import Scene
-from g1_description.scenes.scene_file import sdf_of
+from g1_description.scenes.scene_file import sdf_model
+from g1_description.srv import AttachObject, DetachObject
 from g1_description.web.live_simulator import LiveSimulator
 from g1_description.web.scene.objects import Looks, SeenObject
 
@@ -35,7 +37,7 @@ class LiveScene:
     """The objects of a simulator. Its topics are read by rospy's threads."""
 
     is_live = True
-    links: tuple[str, ...] = ()
+    links = ("left_hand", "right_hand")
     offset = np.zeros(3)
 
     def __init__(
@@ -54,6 +56,8 @@ class LiveScene:
         self._present: PresentObjects | None = None
         self._scene: Scene | None = None
         self._shown: _Shown = {}, {}
+        self._carriers: dict[str, str] = {}
+        """What carries objects, as far as people attached them here."""
 
     def watch(self, is_watched: bool) -> None:
         """Subscribe while the page is open."""
@@ -88,7 +92,7 @@ class LiveScene:
             "spawn_sdf_model",
             SpawnModel,
             model_name=added.name,
-            model_xml=sdf_of([replace(added, pose=IDENTITY)]),
+            model_xml=sdf_model(added.name, {"link": added}, added.pose),
             initial_pose=pose_from_array(added.pose),
         )
 
@@ -124,11 +128,18 @@ class LiveScene:
         return replace(objects[name].object, pose=poses[name])
 
     def attach(self, name: str, link: str) -> None:
-        """Do nothing: no link can carry objects here."""
+        """Let a link carry an object; empty: none."""
+        self._carriers.pop(name, None)
+        if link:
+            given = {"object_name": name, "link_name": link}
+            self._simulator.call("attach_object", AttachObject, **given)
+            self._carriers[name] = link
+        else:
+            self._simulator.call("detach_object", DetachObject, object_name=name)
 
     def carrier(self, name: str) -> str:
-        """Return what carries an object; empty: nothing."""
-        return ""
+        """Return what carries an object; empty: nothing, or it is not known."""
+        return self._carriers.get(name, "")
 
     def scene(self) -> Scene:
         """Return the scene, as it is to be saved."""
