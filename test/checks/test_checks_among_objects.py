@@ -170,3 +170,14 @@ def test_what_touches_a_plate_from_below_is_not_on_it():
     verdict = ROBOT.check_state(np.zeros(4), [0.0, 0.0, 0.5, 0, 0, 0, 1], scene=scene)
     pairs = [("left", "plate"), ("right", "plate")]
     assert found(verdict) == {("collision", pair) for pair in pairs}
+
+
+@pytest.mark.parametrize("width", [0.05, 0.22])
+def test_a_foot_stands_on_what_is_narrower_than_itself(width):
+    scene = Scene()
+    scene.box("beam", [width, 1.0, 0.15], [0.01, 0.0, 0.075])
+    verdict = ROBOT.check_state(np.zeros(4), ON_STEP[0], scene=scene)
+    assert verdict.passed
+    assert verdict.floor_contacts.keys() == {"left", "right"}
+    margin = width / 2.0 - 0.01  # the centre of mass is above x = 0
+    assert verdict.figures["least_center_margin"] == pytest.approx(margin, abs=0.02)

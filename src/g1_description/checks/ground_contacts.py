@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +16,7 @@ from g1_description.checks.thresholds import Thresholds
 from g1_description.collisions.convex_shapes import ConvexShape
 from g1_description.motion.motion import SNAP
 from g1_description.robot.rotation import conjugate, cross, multiply, rotate, to_axes
+from g1_description.sim.meshes.hulls import edge_points
 
 SLIDE_WINDOW = 0.1
 """Time over which a sliding link's speed is averaged, in [s]."""
@@ -28,6 +30,20 @@ def outlines_of(shapes: Iterable[ConvexShape]) -> list[ConvexShape]:
     return [
         ConvexShape(row, np.concatenate(parts), radius)
         for (row, radius), parts in points.items()
+    ]
+
+
+SPACING = 0.02
+"""Distance between points of the outlines on edges of objects, in [m]."""
+
+
+def detailed(shapes: Iterable[ConvexShape]) -> list[ConvexShape]:
+    """Add points to shapes, of which a part may be on an object."""
+    return [
+        shape
+        if shape.radius
+        else replace(shape, points=edge_points(shape.points, SPACING))
+        for shape in shapes
     ]
 
 

@@ -8,7 +8,7 @@ from typing import Any, Callable, TypeVar, Union
 
 import numpy as np
 
-from g1_description.checks.ground_contacts import Ground, outlines_of
+from g1_description.checks.ground_contacts import Ground, detailed, outlines_of
 from g1_description.checks.ground_samples import GroundSamples
 from g1_description.checks.support import (
     Balance,
@@ -66,7 +66,8 @@ class CheckedRobot:
         self.T_base_root = root_in_base(description)
         """The root link in the base link, shape (7,); they differ if the root is the
         world."""
-        outlines = outlines_of(collisions.shapes)
+        shapes = collisions.shapes
+        outlines = outlines_of(detailed(shapes) if obstacles else shapes)
         self.ground = Ground(outlines, self.kinematics.end_links(), thresholds)
         self.links = tuple(name for name in description.link_names if name != WORLD)
         """Links in the order of their poses."""

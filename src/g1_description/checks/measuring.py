@@ -75,7 +75,9 @@ def measure(
         found.ground = robot.ground.samples(grounds, found.times)
     if found.surroundings is not None and "objects" in needs:
         near = Contacts.joined([piece["objects"] for piece in pieces])
-        found.near_objects = found.surroundings.without_supports(near, found.ground)
+        rows = robot.ground.rows[found.ground.columns] if found.ground else np.zeros(0)
+        around = found.surroundings
+        found.near_objects = around.without_supports(near, found.ground, rows)
     center, zmp, is_still = joined("center"), joined("zmp"), joined("is_still")
     if not (found.ground is None or center is None or zmp is None or is_still is None):
         of_center, of_zmp = margins(found.ground.support, center[:, :2], zmp)

@@ -83,22 +83,25 @@ class Surfaces:
         self._high = np.array([each.max(axis=0) for each in ends]).reshape(shape)
 
     def below(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Find the highest surface below each point.
+        """Find the highest surface below each point of a link.
+
+        A link that reaches deeper is not on a surface, but beside or inside the object.
 
         Args:
-            points: In the map, heights relative to the floor, in [m], shape (..., 3).
+            points: In the map, heights relative to the floor, in [m], shape (n, k, 3).
 
         Returns:
             Heights of surfaces above the floor, in [m], and rows of their objects,
-            shapes (...); 0 and -1 above the floor.
+            shapes (n, k); 0 and -1 above the floor.
         """
         height, row = np.zeros(points.shape[:-1]), np.full(points.shape[:-1], -1)
-        axes = tuple(range(points.ndim - 1))
-        for number in self.near(points.min(axis=axes), points.max(axis=axes)):
+        low, high = points.min(axis=(0, 1)), points.max(axis=(0, 1))
+        for number in self.near(low, high):
             depth, edges = self._heights[number] - points[..., 2], self._edges[number]
             inside = (points[..., :2] @ edges[:, :2].T + edges[:, 2]).min(axis=-1)
-            deepest = np.minimum(self._reach[number], inside + BESIDE)
-            is_above = (inside >= 0.0) & (depth <= deepest)
+            deepest = np.where(inside >= 0.0, depth, -np.inf).max(axis=1, keepdims=True)
+            is_above = (inside >= 0.0) & (depth <= inside + BESIDE)
+            is_above &= deepest <= self._reach[number]
             height[is_above], row[is_above] = self._heights[number], self._rows[number]
         return height, row
 

@@ -67,6 +67,8 @@ class Surroundings:
         rows = {name: row for row, name in enumerate(obstacles.scene)}
         links = obstacles.names[: len(obstacles.names) - len(rows)]
         self._links = {name: row for row, name in enumerate(links)}
+        first = [self._links.get(name, -1) for name, _ in obstacles.pairs]
+        self._first = np.array(first, dtype=int)  # rows of links, -1 for objects
         is_known = present is None  # which links carry them
         carried = [-1 if a in self._links else rows[a] for a, _ in obstacles.pairs]
         onto = [rows[b] for _, b in obstacles.pairs]
@@ -142,17 +144,29 @@ class Surroundings:
         return found
 
     def without_supports(
-        self, contacts: Contacts, ground: GroundSamples | None
+        self, contacts: Contacts, ground: GroundSamples | None, rows: np.ndarray
     ) -> Contacts:
-        """Leave out contacts with the tops of what the robot stands on at any time.
+        """Leave out links on what they stand on, and above what the robot stands on.
 
-        They count as floor.
+        That counts as floor.
+
+        Args:
+            contacts: All contacts with objects.
+            ground: How the robot stands; None: it is not known.
+            rows: Rows of the links of ``ground``, shape (k,).
         """
         if ground is None or ground.below is None:
             return contacts
-        stood = np.unique(ground.below[ground.in_contact])
         tops = self.surfaces.holds(contacts)
-        return contacts[np.flatnonzero((tops < 0) | ~np.isin(tops, stood))]
+        stood = np.unique(ground.below[ground.in_contact])
+        column = np.full(len(self._links) + 1, -1)
+        column[rows] = np.arange(len(rows))
+        column = column[self._first[contacts.pair]]
+        is_on = ground.below[contacts.sample, column] == tops
+        is_on &= ground.in_contact[contacts.sample, column] & (column >= 0)
+        is_above = (contacts.distance >= 0.0) & np.isin(tops, stood)
+        is_above &= self._first[contacts.pair] >= 0
+        return contacts[np.flatnonzero((tops < 0) | ~(is_on | is_above))]
 
 
 def _loaded(link: Link, loads: Sequence[tuple[Inertial, np.ndarray]]) -> Link:

@@ -200,6 +200,32 @@ def hull_vertices(points: np.ndarray) -> np.ndarray:
         return points
 
 
+def edge_points(points: np.ndarray, spacing: float) -> np.ndarray:
+    """Add points along the edges of a convex hull, and across its faces.
+
+    Args:
+        points: Vertices in any frame, in [m], shape (n, 3).
+        spacing: Largest distance between neighbours along an edge, in [m].
+
+    Returns:
+        The vertices and the points, shape (m, 3); the vertices of a flat hull.
+    """
+    try:
+        triangles = _qhull()(points).simplices
+    except HULL_ERRORS:
+        return points
+    edges = np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    edges = np.unique(edges, axis=0)
+    begin, way = points[edges[:, 0]], np.diff(points[edges], axis=1)[:, 0]
+    counts = np.ceil(np.linalg.norm(way, axis=1) / spacing).astype(int)
+    found = [points]
+    for number in range(1, int(counts.max())):
+        long = counts > number
+        share = (number / counts[long])[:, np.newaxis]
+        found.append(begin[long] + share * way[long])
+    return np.concatenate(found)
+
+
 def hull_normals(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Compute the outward normals of the faces of a convex hull.
 
