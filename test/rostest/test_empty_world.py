@@ -133,8 +133,10 @@ def test_objects_of_moveit_come_move_and_go(simulator):
         return "can" in [each.name for each in objects_of_sdf(message.data)]
 
     def height():
+        if "can" not in simulator.models():
+            return None
         state = simulator.call("get_model_state", model_name="can")
-        return state.pose.position.z if state.success else None
+        return state["pose"]["position"]["z"]
 
     scene.take(can())
     objects.wait(is_there)

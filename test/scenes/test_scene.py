@@ -67,6 +67,7 @@ def test_yaml_is_read_with_models_and_attachments(scene):
     masses = np.diag(scene["box"].link.inertial.inertia)
     np.testing.assert_allclose(masses, 1.5 * 0.2**2 / 6)
     assert scene["can"].mass is None
+    assert scene.get("mug") is scene["mug"] and scene.get("cup") is None
 
 
 @pytest.mark.parametrize("ending", ["yaml", "world"])

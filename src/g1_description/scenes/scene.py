@@ -51,6 +51,10 @@ class Scene(Mapping[str, SceneObject]):
             raise UnknownNameError(f"Unknown object '{name}'. Known objects: {known}.")
         return self._objects[name]
 
+    def get(self, name: str, default: Any = None) -> Any:
+        """Return the object of a name, or a default."""
+        return self._objects.get(name, default)
+
     def __contains__(self, name: object) -> bool:
         return name in self._objects
 

@@ -95,7 +95,7 @@ def main() -> None:
     kinds = [get_message_class(f"moveit_msgs/{kind}") for kind in KINDS]
     if None in kinds:
         sys.exit(
-            "planning_scene: moveit_msgs, which has MoveIt's messages, is not installed."
+            "planning_scene: moveit_msgs, with MoveIt's messages, is not installed."
         )
     try:
         start_node("planning_scene")
