@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from robots import BASE
 
+from g1_description import Scene
 from g1_description.ik.posing import STEPS, Posing
 from g1_description.robot.state import RobotState
 
@@ -107,3 +108,17 @@ def test_a_search_whose_results_are_followed_ends_where_a_drag_does(posing, is_l
 
 def test_the_standing_pose_is_that_of_the_profile(posing):
     assert posing.standing_pose == "stand"
+
+
+@pytest.mark.parametrize("avoids", [True, False])
+def test_a_dragged_hand_feels_objects(g1, posing, avoids):
+    posing.scene, posing.avoid_collisions = Scene(), avoids
+    posing.scene.box("table", [1.0, 2.0, 0.04], [0.68, 0.0, 0.68])
+    target = np.array([0.35, 0.2, 0.9])
+    posing.drag("left_hand", target)
+    for _ in range(20):
+        target[2] -= 0.02
+        found = posing.drag("left_hand", target)
+    height = posing.places()["left_rubber_hand"][2]
+    assert (height > 0.7) == avoids
+    assert ("at table" in found.message) == avoids

@@ -136,7 +136,7 @@ def test_objects_of_moveit_come_move_and_go(simulator):
         if "can" not in simulator.models():
             return None
         state = simulator.call("get_model_state", model_name="can")
-        return state["pose"]["position"]["z"]
+        return state["pose"][2]
 
     scene.take(can())
     objects.wait(is_there)

@@ -63,6 +63,10 @@ ZMP = "zmp"
 DISTANCE = 0.002
 """Least distance of links from each other, in [m]."""
 
+DRAGGED_STEP = 0.05
+"""Largest change in a step of a search that begins elsewhere, as in drags, in [rad] or
+[m]: larger ones jump through objects."""
+
 SOON = 1e-9
 """Time in [s] that is after a start at 0 s."""
 
@@ -283,6 +287,8 @@ class InverseKinematics:
             moved = self._tasks(targets, options, start, course=course)
             tasks, bounds = self._problem(moved, start, options)
             bounds = bounds.at(0, at_start)
+            if options.scene and begin is not None:
+                bounds = replace(bounds, largest_step=DRAGGED_STEP)
             given = tuple(tasks.values()), bounds, start.position
             steps = search(self._solver, first, *given, starts)
             while piece := deque(islice(steps, most), maxlen=1):

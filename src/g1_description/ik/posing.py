@@ -32,6 +32,7 @@ from g1_description.robot.poses import (
 )
 from g1_description.robot.state import RobotState
 from g1_description.robot.transform import compose, translation
+from g1_description.scenes.scene import Scene
 from g1_description.sim.standing import lowest_height, standing_base
 
 IMU = "imu"
@@ -93,7 +94,10 @@ class Posing:
         self.balance = True
         """Whether the centre of mass stays above the feet that stay."""
         self.avoid_collisions = False
-        """Whether links keep away from each other, once ``prepare`` was called."""
+        """Whether links keep away from each other, once ``prepare`` was called, and
+        from the objects of the scene."""
+        self.scene: Scene | None = None
+        """The objects around the robot; None: there are none."""
         self._begin: Placed | None = None
         """Where the robot was when the present drag began."""
         self._now: Placed | None = None
@@ -207,6 +211,7 @@ class Posing:
             avoid_collisions=self.avoid_collisions and self.is_prepared,
             floor=self._floor,
             base_motion="free",
+            scene=self.scene if self.avoid_collisions else None,
             points={} if point is None else {name: point},
         )
         return self.inverse.pieces(

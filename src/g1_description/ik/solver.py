@@ -105,6 +105,9 @@ class IkConstraints:
     limits: Sequence[Limit]
     """Distances to keep, such as that of the centre of mass from an edge."""
 
+    largest_step: float = LARGEST_STEP
+    """Largest change of a joint or the root in a step, in [rad] or [m]."""
+
     def at(self, row: int, course: Course) -> IkConstraints:
         """Return the constraints on one configuration of a motion."""
         limits = [
@@ -213,9 +216,9 @@ class IkSolver:
         gradient[6:] -= POSTURE**2 * (posture - now.position)
         hessian[joints, joints] += POSTURE**2
         hessian[every, every] += damping + LEAST_DAMPING
-        root = LARGEST_STEP * bounds.base
-        lower = np.maximum(bounds.lower - now.position, -LARGEST_STEP)
-        upper = np.minimum(bounds.upper - now.position, LARGEST_STEP)
+        root = bounds.largest_step * bounds.base
+        lower = np.maximum(bounds.lower - now.position, -bounds.largest_step)
+        upper = np.minimum(bounds.upper - now.position, bounds.largest_step)
         approaches = [(np.zeros((0, len(gradient))), np.zeros(0)), *view.approaches]
         rates, room = (np.concatenate(part) for part in zip(*approaches))
         least = np.full(len(room), -UNBOUNDED)
