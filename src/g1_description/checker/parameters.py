@@ -41,8 +41,6 @@ class CheckerParameters:
     """Namespace of the simulator, whose objects are around the robot."""
 
     scene: str = ""
-    """File of a [scene](scenes.md): the objects around the robot if there is no
-    simulator, and what may touch those in the simulator."""
 
     thresholds: str = ""
 

@@ -26,6 +26,7 @@ from g1_description.checks.report import (
     summary_text,
 )
 from g1_description.checks.verdict import FAILED
+from g1_description.cli import options
 from g1_description.cli.check_options import STDOUT, CheckOptions
 from g1_description.cli.check_reports import (
     ReportPlaces,
@@ -195,7 +196,7 @@ def file_checker(args: CheckOptions) -> FileChecker:
             args.physics,
             not args.no_visual_hulls,
             args.engine or "",
-            args.scene,
+            Scene(around) if around else None,
         ),
         args.only,
         bool(args.plot),
@@ -212,7 +213,8 @@ def objects_of(args: CheckOptions) -> list[SceneObject]:
     Raises:
         SceneError: If they cannot be read.
     """
-    return [] if args.scene is None else [*Scene.read(args.scene).values()]
+    scene = options.scene_of(args.scene, args.files)
+    return [*scene.values()] if scene else []
 
 
 def exit_code(outcomes: Collection[FileResult], named: Collection[str]) -> int:

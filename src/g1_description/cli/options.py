@@ -5,12 +5,16 @@ from __future__ import annotations
 import argparse
 import re
 import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from g1_description.choices import DEFAULT
 from g1_description.command_line import MAX_FPS, argument, option, positive, say, within
 from g1_description.text import similar_first
+
+if TYPE_CHECKING:
+    from g1_description.scenes.scene import Scene
 
 NAME = re.compile(r"[A-Za-z]\w*(/\w+)*", re.ASCII)
 """A ROS name without leading and trailing slashes. rosgraph's pattern cannot be
@@ -56,9 +60,25 @@ def scene() -> Any:
         None,
         Path,
         metavar="FILE",
-        shown="none",
+        shown="NAME.scene.yaml next to a single motion NAME.*, if it is there",
         see="[scenes](scenes.md)",
     )
+
+
+def scene_of(given: Path | None, motions: Sequence[Path]) -> Scene | None:
+    """Read the scene of ``scene``; None if there is none.
+
+    Raises:
+        SceneError: If it cannot be read.
+    """
+    # Only where it is needed: doctor must run without what reads files.
+    from g1_description.motion.paths import split
+    from g1_description.scenes.scene import Scene
+    from g1_description.scenes.scene_file import scene_next_to
+
+    if given is None and len(motions) == 1:
+        given = scene_next_to(split(motions[0])[0])
+    return None if given is None else Scene.read(given)
 
 
 def motion_file(text: str) -> Path:

@@ -340,14 +340,15 @@ def read_files(args: SnapshotOptions) -> tuple[Description, Motion, Scene]:
     robot = read_description(args.model or DEFAULT)
     check_joints(args.joints, robot)
     zero = dict.fromkeys([joint.name for joint in robot.movable_joints], 0.0)
-    scene = Scene() if args.scene is None else Scene.read(args.scene)
+    motions = [args.motion] if args.motion else []
+    scene = options.scene_of(args.scene, motions) or Scene()
     if not args.motion:
         motion = configuration({**zero, **args.joints}, None)
         return robot, _standing(robot, motion) if scene else motion, scene
-    options = ReadOptions(
+    given = ReadOptions(
         args.motion_fps, args.motion_topic, args.motion_order, args.motion_format
     )
-    motion = read_motion(args.motion, robot, options)
+    motion = read_motion(args.motion, robot, given)
     for note in motion.notes:
         notify(note)
     motion = with_joints(motion, args.joints)

@@ -34,7 +34,6 @@ from g1_description.motion.files.source import ReadOptions
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.robot.load import read_description
-from g1_description.scenes.scene import Scene
 from g1_description.web.file_world import FileWorld, StillRobot
 from g1_description.web.library import REPORTS, Library
 from g1_description.web.page import Page, report_address
@@ -154,7 +153,7 @@ def make_world(args: WebOptions) -> tuple[FileWorld, list[tuple[Path, Motion]]]:
     if len({*names}) < len(names):
         names = [f"{file.name} {number}" for number, file in enumerate(files, 1)]
     robots = [StillRobot(name, robot) for name in names]
-    scene = None if args.scene is None else Scene.read(args.scene)
+    scene = options.scene_of(args.scene, files)
     world = FileWorld(robots, partial(_read, args), scene)
     return world, motions
 

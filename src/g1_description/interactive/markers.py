@@ -35,6 +35,7 @@ from g1_description.ros.conversions import pose_from_array, pose_to_array
 from g1_description.ros.lifecycle import at_shutdown, quiet_when_closing
 from g1_description.ros.log import ThrottledLog
 from g1_description.ros.motion_messages import configuration_message, pose_from_numbers
+from g1_description.ros.present_objects import PresentObjects
 from g1_description.ros.robot_view import MAP, RobotView
 
 SCALE = 0.25
@@ -80,7 +81,8 @@ class InteractiveMarkers:
     Publishes: ~update (visualization_msgs/InteractiveMarkerUpdate), ~update_full
         (visualization_msgs/InteractiveMarkerInit), ~markers
         (visualization_msgs/MarkerArray), motion (g1_description/RobotTrajectory)
-    Subscribes: ~feedback (visualization_msgs/InteractiveMarkerFeedback)
+    Subscribes: ~feedback (visualization_msgs/InteractiveMarkerFeedback); objects as by
+        ros.present_objects
     """
 
     def __init__(
@@ -103,6 +105,7 @@ class InteractiveMarkers:
             "~markers", MarkerArray, queue_size=10, latch=True
         )
         self._posing = Posing(robot.description, lambda: robot.state, self._command)
+        self._objects = PresentObjects("/gazebo", partial(rospy.logwarn, "%s"))
         if not self._posing.roles:
             raise InvalidValueError(
                 f"The profile of {robot.description.name} names no links to drag; see "
@@ -242,6 +245,8 @@ class InteractiveMarkers:
             ) from None
         if role != self._dragged:
             self._grab(role)
+        if self._posing.avoid_collisions:
+            self._posing.scene = self._objects.placed()
         found = self._posing.drag(role, target, self._posing.centers[role])
         if found.reached:
             self._show("", "")

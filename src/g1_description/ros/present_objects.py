@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Callable
 
 import numpy as np
@@ -56,6 +57,13 @@ class PresentObjects:
         """
         with self._lock:
             return self._scene, self._poses
+
+    def placed(self) -> Scene | None:
+        """Return a scene of the objects where they are; None before the first."""
+        scene, poses = self.newest()
+        if scene is None:
+            return None
+        return Scene([replace(each, pose=poses[n]) for n, each in scene.items()])
 
     def close(self) -> None:
         """Unsubscribe."""

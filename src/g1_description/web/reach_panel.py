@@ -80,7 +80,9 @@ class ReachPanel(RobotPanel):
             "Balance", True, hint="centre of mass above the feet that stay"
         )
         self._avoid = gui.add_checkbox(
-            "Avoid collisions", False, hint="links keep 2 mm from each other"
+            "Avoid collisions",
+            False,
+            hint="links keep 2 mm from each other and from objects",
         )
         self._changes = gui.add_button_group("Change", [UNDO, REDO, MIRROR])
         self._pose = gui.add_dropdown(
@@ -197,6 +199,8 @@ class ReachPanel(RobotPanel):
 
     def _move(self, link: str, target: np.ndarray, point: np.ndarray) -> None:
         """Search a configuration, through which the robot moves."""
+        if self.posing.avoid_collisions:
+            self.posing.scene = self.page.scene_of(self.robot)
         pieces = self.posing.search(link, target, point)
         self._lane.go_through(_marked(pieces), partial(self._found, link), "search")
 
