@@ -176,10 +176,7 @@ class SampledSplines:
             acceleration of the centre of mass, in [s^2], shape (n,).
         """
         columns = view.columns[rows]
-        rates, changes = (one[rows] @ view.control for one in self._rates)
-        turning = _left_jacobian(columns[:, 3:6])
-        for part in (rates, changes):
-            part[:, 3:6] = (turning @ part[:, 3:6, np.newaxis])[..., 0]
+        rates, changes = self.rates(view, rows)
         motion = RobotMotion(
             view.roots[rows],
             columns[:, 6:],
@@ -195,14 +192,27 @@ class SampledSplines:
         places = (places + floors[:, np.newaxis] * force[:, :2]) / upward
         return places, (found.center_of_mass[:, 2] - floors) / GRAVITY
 
+    def rates(
+        self, view: SampledView, rows: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Compute velocities and accelerations of root and joints, shape (n, ...)."""
+        turns = view.columns[rows, 3:6]
+        rates, changes = (one[rows] @ view.control for one in self._rates)
+        spun = steady_acceleration(turns, rates[:, 3:6])
+        turning = left_jacobian(turns)
+        for part in (rates, changes):
+            part[:, 3:6] = (turning @ part[:, 3:6, np.newaxis])[..., 0]
+        changes[:, 3:6] += spun
+        return rates, changes
+
     def in_columns(self, rates: np.ndarray, columns: np.ndarray) -> np.ndarray:
         """Turn rates by the root's twist, shape (n, m, n_columns), into ours."""
         found = self.moves * rates
-        found[..., 3:6] = found[..., 3:6] @ _left_jacobian(columns[:, 3:6])
+        found[..., 3:6] = found[..., 3:6] @ left_jacobian(columns[:, 3:6])
         return found
 
 
-def _left_jacobian(vectors: np.ndarray) -> np.ndarray:
+def left_jacobian(vectors: np.ndarray) -> np.ndarray:
     """Compute what turns rates of rotation vectors into angular velocities.
 
     Args:
@@ -216,3 +226,24 @@ def _left_jacobian(vectors: np.ndarray) -> np.ndarray:
     first = (1.0 - np.cos(angle)) / angle**2
     second = (angle - np.sin(angle)) / angle**3
     return np.eye(3) + first * cross + second * (cross @ cross)
+
+
+def steady_acceleration(vectors: np.ndarray, rates: np.ndarray) -> np.ndarray:
+    """Compute angular accelerations while rates of rotation vectors do not change.
+
+    Args:
+        vectors: In [rad], shape (n, 3).
+        rates: In [rad/s], shape (n, 3).
+
+    Returns:
+        Derivative of the left Jacobian by time, times the rates, in [rad/s^2], shape
+        (n, 3).
+    """
+    angle = np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-3)
+    grows = (vectors * rates).sum(axis=-1, keepdims=True) / angle
+    above, beyond = 1.0 - np.cos(angle), angle - np.sin(angle)
+    first = (angle * np.sin(angle) - 2.0 * above) / angle**3
+    second = (angle * above - 3.0 * beyond) / angle**4
+    across = np.cross(vectors, rates)
+    found = grows * (first * across + second * np.cross(vectors, across))
+    return np.asarray(found + beyond / angle**3 * np.cross(rates, across))

@@ -17,7 +17,14 @@ import numpy as np
 
 from g1_description.errors import InvalidValueError
 from g1_description.ik.limits import BatchLimit, Course
-from g1_description.ik.sampled import PERIOD, Problem, SampledSplines, SampledView
+from g1_description.ik.sampled import (
+    PERIOD,
+    Problem,
+    SampledSplines,
+    SampledView,
+    left_jacobian,
+    steady_acceleration,
+)
 from g1_description.ik.solver import (
     HARD,
     POSTURE,
@@ -48,12 +55,11 @@ MAX_SMOOTHINGS = 1000
 AT_BOUND = 0.01
 """Distance from a bound, as a share of the range, at which something is there."""
 
+SINGULAR = 0.1
+"""Relative singular value up to which turns do not follow rotation vectors."""
+
 SHARE = 0.98
 """Share of the bounds that splines use, as limits are soft."""
-
-TURN_SHARE = 0.8
-"""Share of the bounds of turns: rates of rotation vectors are not quite those of turns
-about the axes."""
 
 BOUND_WEIGHT = 1e5
 """Weight of squared excesses over bounds, in units of control points' differences."""
@@ -89,8 +95,11 @@ SPREAD = 1.0
 DIFFERENT = 0.3
 """Difference in a joint from which on a configuration is another one, likewise."""
 
-REPEATS = 6
-"""Most repeats with limits where they were exceeded."""
+REPEATS = 3
+"""Most repeats with limits where they were exceeded; the last one stands at first."""
+
+DEEP = 3e-3
+"""Excess over a limit in [m] because of which a search begins anew."""
 
 FINE = 0.3
 """Fraction of the tolerance at which steps end."""
@@ -103,6 +112,7 @@ class Candidate(NamedTuple):
     """A trajectory with its limits and cost."""
 
     view: SampledView
+    bounds: list[ControlBounds]
     rows: list[Rows]
     """Limits at some samples."""
 
@@ -132,30 +142,44 @@ class Trajectory:
         self._limited = np.unique(np.concatenate(rows))
         start = problem.start
         self._posture = np.concatenate([start.root[:3], np.zeros(3), start.position])
-        self._bounds = self._make_bounds()
+        self._still = np.tile(self._posture, (self._splines.count, 1))
+        self._reach = SHARE * problem.speeds
         self._regular = self._regular_cost()
 
-    def _make_bounds(self) -> list[ControlBounds]:
-        """Bound control points and their differences of both orders."""
-        limits, speeds = self._problem.constraints, self._problem.speeds
-        given, free = self._problem.bounds, np.full(6, np.inf)
+    def _bounds(self, control: np.ndarray) -> list[ControlBounds]:
+        """Bound control points and their differences of both orders.
+
+        Rotation vectors change so little that turns about the axes are within bounds.
+        """
+        limits, given = self._problem.constraints, self._problem.bounds
+        period, free = self._splines.period, np.full(6, np.inf)
         low, high = np.append(-free, limits.lower), np.append(free, limits.upper)
-        turn_rate = TURN_SHARE * given.base_turn_rate
-        turn_acceleration = TURN_SHARE * given.base_turn_acceleration
-        fastest = np.repeat([given.base_speed, turn_rate], 3)
-        quickest = np.repeat([given.base_acceleration, turn_acceleration], 3)
-        joints = np.full(len(speeds), given.joint_acceleration)
-        self._fastest = SHARE * np.append(fastest, speeds)
-        steps = self._splines.period * self._fastest
-        changes = self._splines.period**2 * (SHARE * np.append(quickest, joints))
+        joints = np.full(len(self._reach), given.joint_acceleration)
+        fastest = np.append(np.full(6, given.base_speed), self._problem.speeds)
+        fastest = np.tile(fastest, (len(control) - 1, 1))
+        quickest = np.append(np.full(6, given.base_acceleration), joints)
+        quickest = np.tile(quickest, (len(control) - 2, 1))
+        turns = control[:, 3:6]
+        turning = left_jacobian(turns) * self._splines.moves[3:6]
+        largest = np.abs(turning).sum(axis=-1).max(axis=-1, keepdims=True)
+        largest = np.maximum(largest, 1.0)
+        fastest[:, 3:6] = given.base_turn_rate / np.maximum(largest[1:], largest[:-1])
+        quickest[:, 3:6] = given.base_turn_acceleration / largest[1:-1]
+        middles = np.zeros(quickest.shape)
+        steady = steady_acceleration(turns[1:-1], (turns[2:] - turns[:-2]) / 2.0)
+        undone = np.linalg.pinv(turning[1:-1], SINGULAR) @ steady[..., np.newaxis]
+        middles[:, 3:6] = -undone[..., 0]
+        steps, changes = SHARE * period * fastest, SHARE * period**2 * quickest
         return [
             ControlBounds(0, low, high, BOUND_WEIGHT),
             ControlBounds(1, -steps, steps, BOUND_WEIGHT),
-            ControlBounds(2, -changes, changes, BOUND_WEIGHT),
+            ControlBounds(2, middles - changes, middles + changes, BOUND_WEIGHT),
         ]
 
     def solve(self) -> tuple[Candidate, list[Linearization]]:
         """Search a trajectory; limits count at some samples, then around excesses, too.
+
+        Bounds of turns are then those of the rotations that were found.
 
         Returns:
             The trajectory, and each sample of it without rates.
@@ -166,17 +190,29 @@ class Trajectory:
             samples = self._linearizations(found)
             excesses = np.array([sample.excesses for sample in samples])
             beyond = np.flatnonzero((excesses > TOLERANCE[0]).any(axis=1))
-            if not len(beyond) or repeat == REPEATS:
+            is_within = not len(beyond) and not self._turns_too_fast(found.view)
+            if is_within or repeat == REPEATS:
                 break
             near = np.flatnonzero(np.isin(periods, periods[beyond]))
+            begin = found.view.control
+            if repeat == REPEATS - 1 and excesses.max() > DEEP:
+                near, begin = np.arange(len(times)), self._still
             self._limited = np.union1d(self._limited, near)
-            found = self.improved(self._state(found.view.control))
+            found = self.improved(self._state(begin))
         return found, samples
+
+    def _turns_too_fast(self, view: SampledView) -> bool:
+        """Return whether turns exceed bounds, as rotations have changed since these."""
+        given, every = self._problem.bounds, np.arange(len(view.roots))
+        rates, changes = np.abs(self._splines.rates(view, every))[..., 3:6]
+        most = given.base_turn_rate, given.base_turn_acceleration
+        return bool(rates.max() > most[0] or changes.max() > most[1])
 
     def _best(self) -> Candidate:
         """Search from the nearest configuration, and from another one if that misses.
 
-        Of the others that is improved which promises most.
+        Of the others that is improved which promises most, and at last standing
+        still, where that is better.
         """
         start = self._problem.start
         given = self._problem.constraints.at(0, self._course([start]))
@@ -189,7 +225,8 @@ class Trajectory:
         if others:
             promising = min(others, key=attrgetter("cost"))
             best = min(best, self.improved(promising), key=attrgetter("cost"))
-        return best
+        still = self._state(self._still)
+        return self.improved(still) if still.cost < best.cost else best
 
     def _others(self, first: Linearization) -> Iterator[Configuration]:
         """Search configurations for the first sample that differ from one."""
@@ -221,7 +258,7 @@ class Trajectory:
         rows = self._splines.rows(GUESS_PERIOD)
         found = [now]
         for row, duration in zip(rows[1:], np.diff(problem.times[rows])):
-            reach = self._fastest[6:] * duration
+            reach = self._reach * duration
             bounds = replace(
                 problem.constraints.at(row, self._course(found, rows)),
                 lower=np.maximum(problem.constraints.lower, now.position - reach),
@@ -263,7 +300,7 @@ class Trajectory:
 
         Otherwise bounds would pull first, and throw everything else over.
         """
-        bounds = self._bounds[1:]
+        bounds = self._bounds(np.zeros(control.shape))[1:]
         for _ in range(MAX_SMOOTHINGS):
             if not any(excess(one, one.values(control)).any() for one in bounds):
                 break
@@ -276,7 +313,7 @@ class Trajectory:
         largest = LARGEST_STEP
         for number in range(1, MAX_STEPS + 1):
             step = self._step(state, largest)
-            after = self._state(state.view.control + step)
+            after = self._state(state.view.control + step, state.bounds)
             if after.cost >= state.cost:
                 largest = SHORTER * min(largest, float(np.abs(step).max()))
                 if largest < LEAST_STEP:
@@ -289,8 +326,15 @@ class Trajectory:
                 break
         return state
 
-    def _state(self, control: np.ndarray) -> Candidate:
-        """Compute the cost of control points, and what a step needs."""
+    def _state(
+        self, control: np.ndarray, bounds: list[ControlBounds] | None = None
+    ) -> Candidate:
+        """Compute the cost of control points, and what a step needs.
+
+        Args:
+            control: The control points.
+            bounds: Theirs; None: those of rotations that stay as they are.
+        """
         view = self._splines.view(control)
         factors = self._factors(view)
         squares = (self._weights * view.displacements) ** 2 * factors
@@ -304,7 +348,8 @@ class Trajectory:
                 seen, which = np.unique(near.rows, return_inverse=True)
                 seen = near.weights[seen]
                 rows.append(Rows(seen, which, near.rates, near.room, HARD**2))
-        for each in self._bounds:
+        bounds = bounds or self._bounds(control)
+        for each in bounds:
             squares = excess(each, each.values(control)) ** 2
             cost += each.weight * float(squares.sum())
         pulled = control - self._posture
@@ -312,7 +357,7 @@ class Trajectory:
         beyond = max([0.0, *(float(-row.upper.min(initial=0.0)) for row in rows)])
         errors = errors_of(view.displacements) / TOLERANCE
         badness = max(float(errors.max(initial=0.0)), beyond / TOLERANCE[0])
-        return Candidate(view, rows, cost, badness)
+        return Candidate(view, bounds, rows, cost, badness)
 
     def at_bounds(self, found: Candidate, row: int) -> list[tuple[int, int]]:
         """Find what is at its bounds around a sample.
@@ -321,14 +366,12 @@ class Trajectory:
             Pairs of an order, from 0 of positions to 2 of accelerations, and a column.
         """
         seen, reached = self._splines.weights[row].indices, []
-        for each in self._bounds:
+        for each in found.bounds:
             values = each.values(found.view.control)
-            values = values[seen[0] : seen[-1] + 1 - each.order]
             room = np.minimum(each.upper - values, values - each.lower)
-            near = AT_BOUND * np.minimum(each.upper - each.lower, 1.0)
-            columns = np.flatnonzero(
-                (room < near).any(axis=0) & (self._splines.moves > 0.0)
-            )
+            is_near = room < AT_BOUND * np.minimum(each.upper - each.lower, 1.0)
+            is_near = is_near[seen[0] : seen[-1] + 1 - each.order].any(axis=0)
+            columns = np.flatnonzero(is_near & (self._splines.moves > 0.0))
             reached += [(each.order, column) for column in columns.tolist()]
         return reached
 
@@ -401,7 +444,7 @@ class Trajectory:
         quadratic.gradient += self._regular.product(control - self._posture)
         moved = [
             replace(each, lower=each.lower - now, upper=each.upper - now)
-            for each in self._bounds
+            for each in state.bounds
             for now in [each.values(control)]
         ]
         moved[0] = replace(
