@@ -112,6 +112,8 @@ def test_carriers_and_what_may_touch_are_left_out():
     assert {frozenset(p) for p in obstacles.pairs} == {
         frozenset(p) for p in of_links | carried
     }
+    scene.remove("cup")  # which the table may still touch
+    assert ("l0", "table") in Obstacles(free_links(*[ball(0.1)] * 3), scene).pairs
     scene.attach("table", "nobody")
     with pytest.raises(G1DescriptionError, match="names the link nobody"):
         Obstacles(free_links(*[ball(0.1)] * 3), scene)

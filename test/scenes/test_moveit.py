@@ -22,8 +22,8 @@ from g1_description.errors import G1DescriptionError
 from g1_description.robot.transform import compose
 
 
-def attach(body, link, touching=()):
-    return Message(link_name=link, object=body, touch_links=[*touching])
+def attach(body, link, touching=(), weight=0.0):
+    return Message(link_name=link, object=body, touch_links=[*touching], weight=weight)
 
 
 def test_objects_are_added_moved_and_removed(tmp_path, monkeypatch):
@@ -49,6 +49,13 @@ def test_objects_are_added_moved_and_removed(tmp_path, monkeypatch):
     np.testing.assert_allclose(scene["can"].pose[:3], [3, 0, 0])
     scene.apply(collision_object("can", operation=REMOVE))
     assert [*scene] == ["wall"]
+    # A shape without a pose, as of moveit_commander, or an object without one.
+    box = {"primitives": [primitive(1, 0.1, 0.2, 0.3)]}
+    scene.apply(collision_object("box", at=pose(1, 2, 3), **box))
+    np.testing.assert_allclose(scene["box"].pose[:3], [1, 2, 3])
+    scene.apply(collision_object("box", primitive_poses=[pose(4, 5, 6)], **box))
+    np.testing.assert_allclose(scene["box"].pose[:3], [4, 5, 6])
+    np.testing.assert_allclose(scene["box"].link.collisions[0].pose[:3], 0.0)
 
 
 def test_an_attached_object_is_where_its_link_is():
@@ -60,7 +67,9 @@ def test_an_attached_object_is_where_its_link_is():
         is_diff=False,
         world=Message(collision_objects=[]),
         robot_state=Message(
-            attached_collision_objects=[attach(can(frame=link), link, ["torso_link"])]
+            attached_collision_objects=[
+                attach(can(frame=link), link, ["torso_link"], 0.5)
+            ]
         ),
         object_colors=[Message(id="can", color=Message(r=1.0, g=0.0, b=0.0, a=1.0))],
     )
@@ -72,6 +81,7 @@ def test_an_attached_object_is_where_its_link_is():
     np.testing.assert_allclose(scene["can"].pose, expected)
     assert scene["can"].attachments[0].link == link
     assert scene["can"].may_touch == {"torso_link"}
+    assert scene["can"].mass == 0.5
     assert scene["can"].link.visuals[0].color == (1.0, 0.0, 0.0, 1.0)
     scene.apply(attach(collision_object("", operation=REMOVE), link))
     assert scene["can"].attachments == ()

@@ -64,10 +64,10 @@ class Surfaces:
             floor: Height of the floor in [m].
         """
         found = sorted(_surfaces(obstacles, object_poses), key=lambda each: each.height)
-        rows = {name: row for row, name in enumerate(obstacles.scene)}
-        self.names = tuple(rows)
+        self.names = tuple(obstacles.scene)
         """Names of the objects."""
-        self._objects = np.array([rows[name] for _, name in obstacles.pairs], dtype=int)
+        n_links = len(obstacles.names) - len(self.names)
+        self._objects = obstacles.pair_rows[:, 1] - n_links
         self._tops: dict[int, list[float]] = {}
         for each in found:
             self._tops.setdefault(each.row, []).append(each.height)

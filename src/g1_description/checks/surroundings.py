@@ -64,15 +64,15 @@ class Surroundings:
         starts = np.array([each.pose for each in objects]).reshape(-1, 7)
         self.surfaces = Surfaces(obstacles, starts, thresholds.floor_height)
         self._margin = margin_of(thresholds)
-        rows = {name: row for row, name in enumerate(obstacles.scene)}
-        links = obstacles.names[: len(obstacles.names) - len(rows)]
+        links = obstacles.names[: len(obstacles.names) - len(objects)]
         self._links = {name: row for row, name in enumerate(links)}
-        first = [self._links.get(name, -1) for name, _ in obstacles.pairs]
-        self._first = np.array(first, dtype=int)  # rows of links, -1 for objects
+        first, second = obstacles.pair_rows.T
+        # Rows of links, -1 for objects.
+        self._first = np.where(first < len(links), first, -1)
         is_known = present is None  # which links carry them
-        carried = [-1 if a in self._links else rows[a] for a, _ in obstacles.pairs]
-        onto = [rows[b] for _, b in obstacles.pairs]
-        self._carried = np.array([carried, onto], dtype=int) if is_known else None
+        carried = np.where(first < len(links), -1, first - len(links))
+        onto = second - len(links)
+        self._carried = np.stack([carried, onto]) if is_known else None
 
     def contacts(self, times: np.ndarray, link_poses: np.ndarray) -> Contacts:
         """Find links, and objects while they are carried, that are near objects.

@@ -71,6 +71,8 @@ class Obstacles(ShapeContacts):
         pairs = [pair for pair in _pairs(description, scene) if solid.issuperset(pair)]
         self.pairs = tuple((self.names[a], self.names[b]) for a, b in pairs)
         """Names of a link or carried object, and of an object, as in ``Contacts``."""
+        self.pair_rows = np.array(pairs, dtype=int).reshape(-1, 2)
+        """Their rows in ``names``, shape (n_pairs, 2)."""
         convex = {shape.link for shape in shapes}
         # No shape pairs for those of planes, whose contacts are computed on their own.
         super().__init__(shapes, pairs, len(self.names))
@@ -158,13 +160,8 @@ def _pairs(description: Description, scene: Scene) -> Iterator[tuple[int, int]]:
         for link, (body, _) in rigid_frames(tree).items()
     }
     objects = list(scene.values())
-    touching = [
-        {
-            n if n in scene else named_link(description, n, each.name)
-            for n in each.may_touch
-        }
-        for each in objects
-    ]
+    roles = description.profile.links
+    touching = [{roles.get(n, n) for n in each.may_touch} for each in objects]
     for row, each in enumerate(objects, len(links)):
         own = touching[row - len(links)]
         carriers = [

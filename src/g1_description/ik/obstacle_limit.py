@@ -156,17 +156,10 @@ class Surroundings:
         still = np.array([each.pose for each in self.scene.values()])
         near = self.obstacles.contacts_among(poses[first], still, STANDING)
         is_flat = -near.normal[:, 2] > FLAT
-        links = self._pair_rows[near.pair, 0]
+        links = self.obstacles.pair_rows[near.pair, 0]
         return {
             row: np.isin(which, near.sample[is_flat & (links == row)]) for row in rows
         }
-
-    @property
-    def _pair_rows(self) -> np.ndarray:
-        """Rows of both sides of pairs, those of objects behind the links."""
-        row_of = {name: row for row, name in enumerate(self.obstacles.names)}
-        rows = [[row_of[name] for name in pair] for pair in self.obstacles.pairs]
-        return np.array(rows, dtype=int).reshape(-1, 2)
 
 
 class ObstacleLimit(BatchLimit):
@@ -191,7 +184,7 @@ class ObstacleLimit(BatchLimit):
         """
         self._surroundings, self._times = surroundings, times
         self._obstacles = surroundings.obstacles
-        self._pairs = surroundings._pair_rows
+        self._pairs = surroundings.obstacles.pair_rows
         n_links = len(self._obstacles.names) - len(surroundings.scene)
         self._movers = np.arange(n_links)
         self._movers[[*but_for]] = -1

@@ -42,6 +42,8 @@ class PresentObjects:
         self._lock = threading.Lock()
         self._scene: Scene | None = None
         self._poses: dict[str, np.ndarray] = {}
+        self._moved: dict[str, np.ndarray] = {}
+        """Poses that came since the last scene."""
         name = "/" + gazebo.strip("/")
         self._subscribers = (
             rospy.Subscriber(f"{name}/scene", String, self._take_scene),
@@ -72,6 +74,8 @@ class PresentObjects:
 
     def _take_scene(self, message: String) -> None:
         """Take all objects, with their present poses."""
+        with self._lock:
+            self._moved = {}
         try:
             scene = Scene(objects_of_sdf(message.data))
         except G1DescriptionError as error:
@@ -79,13 +83,18 @@ class PresentObjects:
             return
         with self._lock:
             self._scene = scene
-            self._poses = {name: each.pose for name, each in scene.items()}
+            old = {name: each.pose for name, each in scene.items()}
+            # What moved while this was read is newer.
+            self._poses = {
+                name: self._moved.get(name, pose) for name, pose in old.items()
+            }
         self._came()
 
     def _take_states(self, message: LinkStates) -> None:
         """Take the poses of objects that have moved."""
         poses = {n: pose_to_array(pose) for n, pose in zip(message.name, message.pose)}
         with self._lock:
+            self._moved.update(poses)
             known = {name: pose for name, pose in poses.items() if name in self._poses}
             self._poses = {**self._poses, **known}
         self._came()

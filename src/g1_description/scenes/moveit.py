@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import zip_longest
 from typing import Any, Dict
 
 import numpy as np
@@ -15,7 +16,14 @@ from g1_description.files.model_files import ros_home
 from g1_description.robot.assembly import MAP, WORLD
 from g1_description.robot.description import Link, Shape
 from g1_description.robot.transform import IDENTITY, compose, inverse
-from g1_description.scenes.objects import COLOR, SceneObject, attached, numbers, sizes
+from g1_description.scenes.objects import (
+    COLOR,
+    SceneObject,
+    attached,
+    numbers,
+    sizes,
+    with_mass,
+)
 from g1_description.sim.meshes.shapes import Mesh, find_meshes, is_there, scaled_parts
 from g1_description.sim.meshes.stl import write_stl
 from g1_description.text import listed
@@ -41,10 +49,10 @@ def apply_message(
     if hasattr(message, "world"):  # a PlanningScene
         if not message.is_diff:
             objects.clear()
-        for each in message.world.collision_objects:
-            _apply(objects, each, frames)
         for each in message.robot_state.attached_collision_objects:
             _attach(objects, each, frames)
+        for each in message.world.collision_objects:
+            _apply(objects, each, frames)
         for one in message.object_colors:
             if one.id in objects:
                 objects[one.id] = _colored(objects[one.id], one.color)
@@ -75,9 +83,15 @@ def _apply(objects: Objects, message: Any, frames: Mapping[str, np.ndarray]) -> 
     name, operation = message.id, message.operation
     if operation == REMOVE:
         for each in [name] if name else [*objects]:
-            objects.pop(each, None)
+            if each in objects and not objects[each].attachments:
+                del objects[each]
         return
-    pose = compose(_frame(message, frames), _pose(getattr(message, "pose", None)))
+    poses = [*message.primitive_poses, *message.mesh_poses]
+    own = _pose(getattr(message, "pose", None))
+    # As in MoveIt, the pose of a single shape is that of its object if that has none.
+    is_of_shape = len(poses) == 1 and np.array_equal(own, IDENTITY)
+    own = _pose(poses[0]) if is_of_shape else own
+    pose = compose(_frame(message, frames), own)
     if operation == MOVE:
         if name not in objects:
             raise UnknownNameError(f"There is no object '{name}' to move.")
@@ -86,6 +100,8 @@ def _apply(objects: Objects, message: Any, frames: Mapping[str, np.ndarray]) -> 
     shapes = tuple(_shapes(message))
     if not shapes:
         raise InvalidValueError(f"The object {name} has no shapes.")
+    if is_of_shape:
+        shapes = (replace(shapes[0], pose=IDENTITY), *shapes[1:])
     if operation == APPEND and name in objects:
         old = objects[name]
         shift = compose(inverse(old.pose), pose)
@@ -107,6 +123,8 @@ def _attach(objects: Objects, message: Any, frames: Mapping[str, np.ndarray]) ->
         _apply(objects, body, frames)
     free = replace(objects[body.id], attachments=())
     touching = free.may_touch | {*message.touch_links}
+    if message.weight > 0.0:
+        free = with_mass(free, message.weight)
     carried = attached(free, link, -np.inf, np.inf)
     objects[body.id] = replace(carried, may_touch=touching)
 
@@ -138,7 +156,7 @@ def _pose(message: Any) -> np.ndarray:
 def _shapes(message: Any) -> Iterator[Shape]:
     """Read the shapes of an object, in its frame."""
     name = message.id
-    for primitive, pose in zip(message.primitives, message.primitive_poses):
+    for primitive, pose in _posed(message.primitives, message.primitive_poses):
         if primitive.type not in PRIMITIVES:
             raise InvalidValueError(
                 f"The object {name} has a shape of type {primitive.type}, which is not "
@@ -148,10 +166,10 @@ def _shapes(message: Any) -> Iterator[Shape]:
         size = sizes(name, "size", list(primitive.dimensions), count)
         size = size[::-1] if kind == "cylinder" else size
         yield Shape(kind, size, _pose(pose), name=kind, color=COLOR)
-    for mesh, pose in zip(message.meshes, message.mesh_poses):
+    for mesh, pose in _posed(message.meshes, message.mesh_poses):
         uri = _kept_mesh(name, mesh)
         yield Shape("mesh", (1.0, 1.0, 1.0), _pose(pose), uri, "mesh", color=COLOR)
-    for plane, pose in zip(message.planes, message.plane_poses):
+    for plane, pose in _posed(message.planes, message.plane_poses):
         *normal, offset = numbers(name, "plane", list(plane.coef), 4)
         length = float(np.linalg.norm(normal))
         if length == 0.0:
@@ -160,6 +178,11 @@ def _shapes(message: Any) -> Iterator[Shape]:
         point = np.concatenate([-offset / length * unit, IDENTITY[3:]])
         at = compose(_pose(pose), point)
         yield Shape("plane", tuple(unit.tolist()), at, name="plane", color=COLOR)
+
+
+def _posed(shapes: Sequence[Any], poses: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
+    """Yield shapes with their poses; None where there is none."""
+    return zip_longest(shapes, poses[: len(shapes)])
 
 
 def _kept_mesh(name: str, mesh: Any) -> str:

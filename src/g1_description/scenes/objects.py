@@ -121,6 +121,12 @@ def shape_object(
     )
 
 
+def with_mass(each: SceneObject, mass: float) -> SceneObject:
+    """Give an object a mass in [kg], spread as in a solid of its first shape."""
+    inertial = _inertial(each.name, each.link.collisions[0], mass)
+    return replace(each, link=replace(each.link, inertial=inertial))
+
+
 def names_touching(name: str, given: Any) -> frozenset[str]:
     """Read what may touch an object."""
     touching = given or ()

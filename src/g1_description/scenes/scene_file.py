@@ -114,6 +114,7 @@ def _from_yaml(content: Mapping[str, Any], folder: Path) -> list[SceneObject]:
                 found.append(_shape_of(section, str(name), options, folder))
     numbers = {each.name: number for number, each in enumerate(found)}
     for name, given in _mapping(ATTACH, content.get(ATTACH)).items():
+        name = str(name)
         if name not in numbers:
             raise SceneError(
                 f"Unknown object '{name}' in {ATTACH}. Known objects: "

@@ -106,8 +106,11 @@ class LiveScene:
         now = self._own(name)
         if changed.name != name and changed.name in self.shown()[0]:
             raise InvalidValueError(f"There are two objects called {changed.name}.")
+        carrier = self._carriers.pop(name, "")
         self.remove(name)
         self.add(replace(changed, pose=now.pose))
+        if carrier:
+            self.attach(changed.name, carrier)
 
     def move(self, name: str, pose: np.ndarray) -> None:
         """Place an object, at rest: T_map_object, shape (7,)."""
@@ -129,13 +132,13 @@ class LiveScene:
 
     def attach(self, name: str, link: str) -> None:
         """Let a link carry an object; empty: none."""
-        self._carriers.pop(name, None)
         if link:
             given = {"object_name": name, "link_name": link}
             self._simulator.call("attach_object", AttachObject, **given)
             self._carriers[name] = link
         else:
             self._simulator.call("detach_object", DetachObject, object_name=name)
+            self._carriers.pop(name, None)
 
     def carrier(self, name: str) -> str:
         """Return what carries an object; empty: nothing, or it is not known."""

@@ -58,26 +58,28 @@ class PlanningScene:
                 rospy.logwarn("A message of MoveIt is not used: %s", error)
                 return
             self._scene = scene
-            for name in before:
-                if name not in scene or scene[name].link != before[name].link:
+            for name, each in before.items():
+                if name not in scene or _text(scene[name]) != _text(each):
                     self._call(name, "delete_model", DeleteModel, name)
             for name, each in scene.items():
-                self._change(before.get(name), each)
+                if each is not before.get(name):
+                    self._change(before.get(name), each)
 
     def _change(self, before: SceneObject | None, each: SceneObject) -> None:
         """Spawn a model, or move, attach or detach it."""
         name, pose = each.name, pose_from_array(each.pose)
-        if before is None or before.link != each.link:
-            text = sdf_model(name, {"link": each}, each.pose)
+        if before is None or _text(before) != _text(each):
+            text = _text(each)
             self._call(name, "spawn_sdf_model", SpawnModel, name, text, "", pose, "")
             before = None
         elif (before.pose != each.pose).any():
             state = ModelState(model_name=name, pose=pose)
             self._call(name, "set_model_state", SetModelState, state)
-        if each.attachments and (before is None or each is not before):
+        held = () if before is None else before.attachments
+        if each.attachments and each.attachments != held:
             link = each.attachments[0].link
             self._call(name, "attach_object", AttachObject, name, "", link)
-        elif before is not None and before.attachments and not each.attachments:
+        elif held and not each.attachments:
             self._call(name, "detach_object", DetachObject, name)
 
     def _call(self, name: str, service: str, kind: Any, *arguments: Any) -> None:
@@ -88,6 +90,11 @@ class PlanningScene:
             rospy.logerr(
                 "The object %s of MoveIt: %s refuses: %s", name, service, error
             )
+
+
+def _text(each: SceneObject) -> str:
+    """Write an object as a model, without its place."""
+    return sdf_model(each.name, {"link": each}, each.pose)
 
 
 def main() -> None:
