@@ -76,7 +76,6 @@ if TYPE_CHECKING:
     from g1_description.ik.limits import Limit, TrajectoryBounds
     from g1_description.ik.paths import IkPath, PathKinematics
     from g1_description.msg import RobotTrajectory
-    from g1_description.scenes.scene import Scene
 
 _IK_ARGUMENTS = {"hold": "fixed_links", "collisions": "avoid_collisions"}
 """New names of arguments by former ones."""
@@ -353,7 +352,7 @@ class Robot:
         weights: Mapping[str, float] | None = None,
         points: Mapping[str, Any] | None = None,
         limits: Sequence[Limit] = (),
-        scene: Scene | None = None,
+        scene: SceneOrFile = None,
     ) -> IkResult:
         """Search a configuration in which links are where they should be.
 
@@ -389,7 +388,7 @@ class Robot:
                 fingertips, x y z in the frame of the link in [m]; by default its
                 origin.
             limits: Limits of your own; see ``ik.limits.Limit``.
-            scene: Objects from which links that move keep 2 mm apart, but for what may
+            scene: Objects, or their file: links that move keep 2 mm apart, but what may
                 touch them; feet and objects that are carried at 0 s only stay outside.
 
         Returns:
@@ -412,7 +411,7 @@ class Robot:
             weights=weights,
             points=points,
             limits=limits,
-            scene=scene,
+            scene=as_scene(scene),
         )
         begin, pose = self._start(start, base)
         return self._inverse.solve(targets, begin, pose, options)
@@ -432,7 +431,7 @@ class Robot:
         weights: Mapping[str, float] | None = None,
         points: Mapping[str, Any] | None = None,
         limits: Sequence[Limit] = (),
-        scene: Scene | None = None,
+        scene: SceneOrFile = None,
         bounds: TrajectoryBounds | None = None,
         smooth: bool = True,
     ) -> IkPath:
@@ -486,7 +485,7 @@ class Robot:
             weights=weights,
             points=points,
             limits=limits,
-            scene=scene,
+            scene=as_scene(scene),
         )
         begin, pose = self._start(start, base)
         given = as_numbers(times, "time"), targets, begin, pose, options

@@ -149,7 +149,7 @@ def test_what_a_target_cannot_be_relative_to_is_named(g1, relative_to, problem):
 
 @pytest.mark.parametrize(
     ("scene", "problem"),
-    [("shelf.yaml", "Scene.read"), ({"box": {}}, "scene must be a Scene or None")],
+    [("shelf.yaml", "cannot be used"), ({"box": {}}, "a Scene or its file")],
 )
 def test_something_else_than_a_scene_is_refused(g1, scene, problem):
     with pytest.raises(G1DescriptionError, match=problem):

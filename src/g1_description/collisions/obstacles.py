@@ -31,7 +31,8 @@ class Obstacles(ShapeContacts):
 
     Checked are links with objects, and objects that links carry with other objects.
     What carries an object, and what may touch it, is not checked with it; each with
-    all links that fixed joints connect to it.
+    all links that fixed joints connect to it. For carriers, and roles such as
+    left_hand, that includes the link to which their joint belongs: the wrist.
     """
 
     def __init__(
@@ -159,6 +160,7 @@ def _pairs(description: Description, scene: Scene) -> Iterator[tuple[int, int]]:
         for tree in description.trees
         for link, (body, _) in rigid_frames(tree).items()
     }
+    above = {joint.child: body[joint.parent] for joint in description.joints}
     objects = list(scene.values())
     roles = description.profile.links
     touching = [{roles.get(n, n) for n in each.may_touch} for each in objects]
@@ -167,7 +169,10 @@ def _pairs(description: Description, scene: Scene) -> Iterator[tuple[int, int]]:
         carriers = [
             named_link(description, a.link, each.name) for a in each.attachments
         ]
-        free = {body[link] for link in carriers}
+        hands = {body[link] for link in carriers}
+        hands |= {body[roles[n]] for n in each.may_touch if roles.get(n) in body}
+        # A wrist cannot get away from what its hand holds.
+        free = hands | {above[hand] for hand in hands if hand in above}
         free |= {body[name] for name in own if name in body}
         for number, link in enumerate(links):
             if body[link] not in free:

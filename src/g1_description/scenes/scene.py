@@ -266,6 +266,16 @@ class Scene(Mapping[str, SceneObject]):
         write_objects([*self.values()], Path(file))
 
 
-def as_scene(given: Scene | str | PathLike[str]) -> Scene:
-    """Return a scene, or read its file; see ``Scene.read``."""
-    return given if isinstance(given, Scene) else Scene.read(given)
+def as_scene(given: Any) -> Scene | None:
+    """Return a scene or None, or read a file; see ``Scene.read``.
+
+    Raises:
+        InvalidValueError: If it is something else.
+    """
+    if given is None or isinstance(given, Scene):
+        return given
+    if not isinstance(given, (str, PathLike)):
+        raise InvalidValueError(
+            f"scene must be a Scene or its file (got {str(given)[:80]})."
+        )
+    return Scene.read(given)

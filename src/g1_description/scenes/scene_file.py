@@ -76,7 +76,10 @@ def read_objects(file: Path) -> list[SceneObject]:
     try:
         if path.suffix.lower() in SDF_ENDINGS:
             return objects_of_sdf(find_model(str(path)))
-        return _from_yaml(_mapping("the file", read_yaml(path)), path.parent)
+        content = read_yaml(path)
+        if content is None:
+            raise SceneError("it is empty.")
+        return _from_yaml(_mapping("the file", content), path.parent)
     except YamlError as error:
         raise SceneError(f"The scene {file} cannot be used: {error}.") from error
     except G1DescriptionError as error:
@@ -170,6 +173,8 @@ def _shape_of(
 def _place(options: dict[str, Any]) -> Any:
     """Take a place, with its quaternion, from options."""
     at = options.pop("at", [0.0, 0.0, 0.0])
+    if "rpy" in options and "quaternion" in options:
+        raise SceneError("An object has rpy or quaternion, not both.")
     turn = options.pop("quaternion", None)
     both = isinstance(at, list) and isinstance(turn, list)
     return [*at, *turn] if both else at

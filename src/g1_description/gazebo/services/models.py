@@ -227,6 +227,9 @@ def attach_object(simulation: Simulation, request):
     world = simulation.world
     try:
         carried, link = _object(simulation, request.object_name)
+        shapes = [s for one in carried.links.values() for s in one.collisions]
+        if any(shape.kind == "plane" for shape in shapes):
+            raise InvalidValueError(f"{carried.name} is a plane, which no link carries")
         carrier = _carrier(simulation, request)
         world.attachments.attach(carried, link, carrier, request.link_name)
     except G1DescriptionError as error:
