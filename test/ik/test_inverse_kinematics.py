@@ -234,6 +234,14 @@ def test_contradictory_targets_are_weighted(weights, wanted):
     assert not result.reached
 
 
+def test_fixed_links_prevail_over_targets_of_infinite_weight(g1):
+    start = g1.named_configuration("stand")
+    weights = {"left_hand": np.inf}
+    result = g1.ik({"left_hand": [3.0, 0.2, 2.0]}, start, BASE, weights=weights)
+    feet = [result.errors[foot].position for foot in ("left_foot", "right_foot")]
+    assert max(feet) < 0.03
+
+
 @pytest.mark.parametrize("motion", ["fixed", "planar"])
 def test_the_base_moves_as_far_as_it_may(g1, motion):
     start, target = g1.named_configuration("stand"), [1.2, 0.5, 1.0]
@@ -402,6 +410,7 @@ def test_samples_that_are_too_fast_lag_and_catch_up():
             "Balance needs links that stand on the floor",
         ),
         ({"targets": [0.4, 0.2, 0.4]}, "targets must be a dictionary by link"),
+        ({"floor": 0.02}, "floor is 48 mm above the lowest point of the fixed links"),
         ({"floor": "low"}, "floor must be the height of the floor in m"),
         (
             {"targets": {"head": [0, 0, 1]}, "points": {"head": [0, 0]}},

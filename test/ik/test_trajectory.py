@@ -100,7 +100,7 @@ def test_what_cannot_be_followed_is_near_smooth_and_explained(g1, hands):
         f"{times[missed[0]]:.2f} s. Not reached: "
     )
     assert re.search("There .*_joint is at its l", path.message)
-    assert "The largest distance is that of " in path.message
+    assert "The largest distance from its target is that of " in path.message
     assert_is_within(g1, path.motion, bounds)
     checked = g1.check(path.motion, only=("skating", "drift", "jump", "base_jump"))
     assert checked.findings == ()

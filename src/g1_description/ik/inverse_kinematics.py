@@ -48,6 +48,7 @@ from g1_description.ik.targets import (
 from g1_description.ik.tasks import LinkTask
 from g1_description.robot.assembly import WORLD, root_in_base
 from g1_description.robot.description import Description
+from g1_description.robot.jacobians import Jacobians
 from g1_description.robot.launch_arguments import FEET
 from g1_description.robot.transform import compose, inverse
 from g1_description.scenes.scene import Scene
@@ -59,6 +60,12 @@ default, in [m], and the most of the distance of its middle from them that this 
 
 ZMP = "zmp"
 """Balance of the zero-moment point."""
+
+MAX_WEIGHT = 10.0
+"""Largest weight of a target: a tenth of that of fixed links."""
+
+BELOW = 0.01
+"""Depth below a floor up to which fixed links stand on it, in [m]."""
 
 DISTANCE = 0.002
 """Least distance of links from each other, in [m]."""
@@ -91,6 +98,11 @@ class TargetError(NamedTuple):
     rotation: float | None
     """In [rad], or the angle between an axis and its aim; None: any rotation will
     do."""
+
+    @property
+    def normalized(self) -> float:
+        """Return the larger part as a multiple of the tolerance."""
+        return float((np.array([part or 0.0 for part in self]) / TOLERANCE).max())
 
 
 @dataclass(frozen=True)
@@ -346,7 +358,7 @@ class InverseKinematics:
             )
         floor = _height(options.floor, start)
         if floor is not None:
-            limits.append(FloorLimit(self._parts, floor, fixed.values()))
+            limits.append(self._floor_limit(floor, start, {*fixed.values()}))
         if options.avoid_collisions:
             limits.append(self._distance_limit)
         if around:
@@ -363,6 +375,23 @@ class InverseKinematics:
     @cached_property
     def _parts(self) -> list[LinkPart]:
         return link_parts(self._shapes)
+
+    def _floor_limit(
+        self, floor: float, start: Configuration, fixed: set[int]
+    ) -> FloorLimit:
+        """Keep links above a floor, but for those that are fixed on it."""
+        moving = {*range(len(self.links))} - fixed
+        jacobians = Jacobians(self._solver.kinematics, *start)
+        _, (_, heights) = FloorLimit(self._parts, floor, moving).approaches(
+            jacobians.batched()
+        )
+        depth = -heights.min(initial=0.0)
+        if depth > BELOW:
+            raise InvalidValueError(
+                f"floor is {1e3 * depth:.0f} mm above the lowest point of the fixed "
+                "links: give the height on which the robot stands."
+            )
+        return FloorLimit(self._parts, floor, fixed)
 
     @cached_property
     def _distance_limit(self) -> DistanceLimit:
@@ -445,8 +474,15 @@ class InverseKinematics:
                 task = task.in_frame(of)
             check_places(name, task, start.root[:3], poses[row], times)
             weight = _weight(name, weights.get(name, 1.0))
-            tasks[name] = task._replace(weights=min(weight, HARD) * task.weights)
-        return tasks
+            weight = min(weight, HARD if times is None else MAX_WEIGHT)
+            tasks[name] = task._replace(weights=weight * task.weights)
+        # Fixed links and limits prevail, even over an infinite weight.
+        largest = max((task.weights.max() for task in tasks.values()), default=0.0)
+        scale = min(1.0, MAX_WEIGHT / max(largest, MAX_WEIGHT))
+        return {
+            name: task._replace(weights=scale * task.weights)
+            for name, task in tasks.items()
+        }
 
     def _frame(
         self,
@@ -517,9 +553,9 @@ class InverseKinematics:
                 position if is_placed else None, rotation if is_turned else None
             )
         far = [
-            f"{name} is {_error_text(error)} from its target"
+            f"{name} is {error_text(error)} from its target"
             for name, error in errors.items()
-            if (np.array([part or 0.0 for part in error]) > TOLERANCE).any()
+            if error.normalized > 1.0
         ]
         numbers = range(len(view.bounds.limits))
         far += filter(None, (self._excess(view, number) for number in numbers))
@@ -591,7 +627,7 @@ def _weight(name: str, given: Any) -> float:
     return weight
 
 
-def _error_text(error: TargetError) -> str:
+def error_text(error: TargetError) -> str:
     """Write an error as text."""
     texts = []
     if error.position is not None:

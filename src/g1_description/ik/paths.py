@@ -15,6 +15,7 @@ from g1_description.ik.inverse_kinematics import (
     IkOptions,
     IkResult,
     InverseKinematics,
+    error_text,
     has_carried,
 )
 from g1_description.ik.limits import Course, TrajectoryBounds, limit_name
@@ -28,7 +29,6 @@ from g1_description.ik.solver import (
     search,
 )
 from g1_description.ik.targets import as_target, of_samples
-from g1_description.ik.tasks import LinkTask
 from g1_description.ik.trajectory import Candidate, Trajectory
 from g1_description.motion.motion import Motion
 from g1_description.text import listed
@@ -42,14 +42,14 @@ PATH_STEPS = 20
 KINDS_OF_BOUNDS = ("limit", "largest velocity", "largest acceleration")
 """Names of bounds by their order."""
 
-MAX_WEIGHT = 10.0
-"""Largest weight of a target: a tenth of that of fixed links."""
-
 SHORTEST, LONGEST = 1e-3, 300.0
 """Durations of trajectories, in [s]: longer ones take gigabytes."""
 
 MAX_REASONS = 4
 """Most bounds and limits in a message."""
+
+AROUND = 0.3
+"""Time from where a target is missed by most in which these are reached, in [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,15 +85,18 @@ class IkPath:
     def _worst(self) -> str:
         """Say where a target is missed by most."""
         errors = [
-            (error.position or 0.0, row, name)
+            (error.normalized, row, name)
             for row, result in enumerate(self.results)
             for name, error in result.errors.items()
         ]
-        error, row, name = max(errors, default=(0.0, 0, ""))
-        if error <= TOLERANCE[0]:
+        largest, row, name = max(errors, default=(0.0, 0, ""))
+        if largest <= 1.0:
             return ""
-        time = self.motion.times[row]
-        return f"The largest distance is that of {name}, {error:.3f} m at {time:.2f} s."
+        text = error_text(self.results[row].errors[name])
+        return (
+            f"The largest distance from its target is that of {name}, {text} at "
+            f"{self.motion.times[row]:.2f} s."
+        )
 
 
 class PathKinematics(InverseKinematics):
@@ -214,8 +217,7 @@ class PathKinematics(InverseKinematics):
     ) -> tuple[IkPath, Course]:
         """Follow targets by a smooth motion, relative to objects as in a course."""
         ways = self._tasks(_at(times, targets), options, start, times, course)
-        moved = _bounded(ways)
-        tasks, constraints = self._problem(moved, start, options, times, True)
+        tasks, constraints = self._problem(ways, start, options, times, True)
         given = times, [*tasks.values()], constraints, start, bounds, self._speed
         search_ = Trajectory(self._solver, Problem(*given))
         found, views = search_.solve()
@@ -223,10 +225,9 @@ class PathKinematics(InverseKinematics):
         missed = [row for row, result in enumerate(results) if not result.reached]
         reason = ""
         if missed:
-            largest = max(
-                missed, key=lambda row: views[row].errors[:, 0].max(initial=0)
-            )
-            reason = self._reason(search_, found, views, largest)
+            largest = max(missed, key=lambda row: views[row].badness)
+            near = np.flatnonzero(np.abs(times - times[largest]) <= AROUND)
+            reason = self._reason(search_, found, views, near)
             reason += self._excesses(times, views)
         path = IkPath(self._motion(times, results), tuple(results), reason)
         return path, Course(times, found.view.jacobians.link_poses)
@@ -236,19 +237,19 @@ class PathKinematics(InverseKinematics):
         search_: Trajectory,
         found: Candidate,
         views: Sequence[Linearization],
-        row: int,
+        rows: np.ndarray,
     ) -> str:
-        """Describe which bounds and limits are reached around a sample."""
+        """Describe which bounds and limits are reached at some samples."""
         names = [*6 * ["the base"], *self._names]
         phrases = [
             f"{names[column]} is at its {KINDS_OF_BOUNDS[order]}"
-            for order, column in search_.at_bounds(found, row)
+            for order, column in search_.at_bounds(found, rows)
         ]
-        view = views[row]
-        for limit, (_, room) in zip(view.bounds.limits, view.approaches):
-            if room.min(initial=np.inf) < TOLERANCE[0]:
-                near = [*self._at_objects(limit, view)]
-                phrases = near + phrases if near else [*phrases, limit_name(limit)]
+        for view in (views[row] for row in rows):
+            for limit, (_, room) in zip(view.bounds.limits, view.approaches):
+                if room.min(initial=np.inf) < TOLERANCE[0]:
+                    near = [*self._at_objects(limit, view)]
+                    phrases = near + phrases if near else [*phrases, limit_name(limit)]
         if not phrases:
             return (
                 "No limit is reached there: it is out of reach, or changes too quickly."
@@ -273,16 +274,6 @@ class PathKinematics(InverseKinematics):
             np.array([result.positions for result in results]),
             base_poses=np.array([result.base for result in results]),
         )
-
-
-def _bounded(tasks: Mapping[str, LinkTask]) -> dict[str, LinkTask]:
-    """Bound the weights of targets, so that limits and fixed links prevail."""
-    return {
-        name: task._replace(
-            weights=task.weights * min(1.0, MAX_WEIGHT / task.weights.max())
-        )
-        for name, task in tasks.items()
-    }
 
 
 def _check_times(times: np.ndarray) -> None:

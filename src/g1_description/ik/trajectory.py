@@ -95,10 +95,10 @@ SPREAD = 1.0
 DIFFERENT = 0.3
 """Difference in a joint from which on a configuration is another one, likewise."""
 
-REPEATS = 3
+REPEATS = 4
 """Most repeats with limits where they were exceeded; the last one stands at first."""
 
-DEEP = 3e-3
+DEEP = 5e-3
 """Excess over a limit in [m] because of which a search begins anew."""
 
 FINE = 0.3
@@ -359,18 +359,18 @@ class Trajectory:
         badness = max(float(errors.max(initial=0.0)), beyond / TOLERANCE[0])
         return Candidate(view, bounds, rows, cost, badness)
 
-    def at_bounds(self, found: Candidate, row: int) -> list[tuple[int, int]]:
-        """Find what is at its bounds around a sample.
+    def at_bounds(self, found: Candidate, rows: np.ndarray) -> list[tuple[int, int]]:
+        """Find what is at its bounds around successive samples.
 
         Returns:
             Pairs of an order, from 0 of positions to 2 of accelerations, and a column.
         """
-        seen, reached = self._splines.weights[row].indices, []
+        seen, reached = self._splines.weights[rows].indices, []
         for each in found.bounds:
             values = each.values(found.view.control)
             room = np.minimum(each.upper - values, values - each.lower)
             is_near = room < AT_BOUND * np.minimum(each.upper - each.lower, 1.0)
-            is_near = is_near[seen[0] : seen[-1] + 1 - each.order].any(axis=0)
+            is_near = is_near[seen.min() : seen.max() + 1 - each.order].any(axis=0)
             columns = np.flatnonzero(is_near & (self._splines.moves > 0.0))
             reached += [(each.order, column) for column in columns.tolist()]
         return reached
