@@ -105,7 +105,7 @@ class InteractiveMarkers:
             "~markers", MarkerArray, queue_size=10, latch=True
         )
         self._posing = Posing(robot.description, lambda: robot.state, self._command)
-        self._objects = PresentObjects("/gazebo", partial(rospy.logwarn, "%s"))
+        self._objects: PresentObjects | None = None
         if not self._posing.roles:
             raise InvalidValueError(
                 f"The profile of {robot.description.name} names no links to drag; see "
@@ -245,7 +245,7 @@ class InteractiveMarkers:
             ) from None
         if role != self._dragged:
             self._grab(role)
-        if self._posing.avoid_collisions:
+        if self._objects is not None:
             self._posing.scene = self._objects.placed()
         found = self._posing.drag(role, target, self._posing.centers[role])
         if found.reached:
@@ -309,6 +309,8 @@ class InteractiveMarkers:
     def _switch_collisions(self) -> None:
         """Avoid collisions, or no longer; their first use prepares them."""
         self._switch("avoid_collisions")
+        if self._objects is None:
+            self._objects = PresentObjects("/gazebo", partial(rospy.logwarn, "%s"))
         if self._posing.avoid_collisions and not self._posing.is_prepared:
             rospy.loginfo("Preparing the shapes of the links to avoid collisions.")
             threading.Thread(target=self._prepare, daemon=True).start()
