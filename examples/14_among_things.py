@@ -12,7 +12,7 @@ def box_at(x, y, z, yaw=0.0):
 
 robot = Robot()
 standing, base = robot.named_configuration("stand"), [0.0, 0.0, 0.7634, 0, 0, 0, 1]
-on_shelf, over_shelf = box_at(0.32, 0.22, 0.35, 0.5), box_at(0.32, 0.22, 0.55, 0.5)
+on_shelf, over_shelf = box_at(0.32, 0.22, 0.38, 0.5), box_at(0.32, 0.22, 0.58, 0.5)
 on_table, over_table = box_at(0.35, -0.22, 0.85, -0.5), box_at(0.35, -0.22, 1.05, -0.5)
 ahead = box_at(0.37, 0.0, 0.9)
 stops = [over_shelf, on_shelf, over_shelf, ahead, over_table, on_table, over_table]
@@ -23,7 +23,7 @@ for start, end in zip(stops, stops[1:]):
     ends.append(times[-1])
 
 scene = Scene()
-scene.box("shelf", [0.3, 0.2, 0.02], [0.36, 0.24, 0.28], rpy=[0, 0, 0.5])
+scene.box("shelf", [0.3, 0.2, 0.02], [0.36, 0.24, 0.31], rpy=[0, 0, 0.5])
 scene.box("table", [0.3, 0.26, 0.03], [0.42, -0.29, 0.775])
 scene.box("wall", [0.02, 0.5, 0.6], [0.12, 0.55, 0.9], color=[0.5, 0.6, 0.7])
 scene.box("box", [0.12, 0.24, 0.12], on_shelf, mass=0.5, may_touch=["right_hand"])
