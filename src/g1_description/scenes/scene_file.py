@@ -66,6 +66,8 @@ TAGS = {
 
 def scene_next_to(motion: Path) -> Path | None:
     """Find the scene of a motion: ``NAME.scene.yaml`` next to ``NAME.csv``."""
+    if not motion.is_file():  # but a folder of motions
+        return None
     file = motion.with_name(f"{motion.stem}.scene.yaml")
     return file if file.is_file() else None
 
