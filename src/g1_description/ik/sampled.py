@@ -205,6 +205,13 @@ class SampledSplines:
         changes[:, 3:6] += spun
         return rates, changes
 
+    def turns_too_fast(self, view: SampledView) -> bool:
+        """Return whether turns exceed bounds, as rotations have changed since these."""
+        given, every = self._problem.bounds, np.arange(len(view.roots))
+        rates, changes = np.abs(self.rates(view, every))[..., 3:6]
+        most = given.base_turn_rate, given.base_turn_acceleration
+        return bool(rates.max() > most[0] or changes.max() > most[1])
+
     def in_columns(self, rates: np.ndarray, columns: np.ndarray) -> np.ndarray:
         """Turn rates by the root's twist, shape (n, m, n_columns), into ours."""
         found = self.moves * rates

@@ -96,10 +96,10 @@ DIFFERENT = 0.3
 """Difference in a joint from which on a configuration is another one, likewise."""
 
 REPEATS = 4
-"""Most repeats with limits where they were exceeded; the last one stands at first."""
+"""Most repeats with limits where they were exceeded; the last one begins at rest."""
 
 DEEP = 5e-3
-"""Excess over a limit in [m] because of which a search begins anew."""
+"""Excess over a limit that makes the last repeat necessary, in [m]."""
 
 FINE = 0.3
 """Fraction of the tolerance at which steps end."""
@@ -189,24 +189,19 @@ class Trajectory:
         for repeat in range(REPEATS + 1):
             samples = self._linearizations(found)
             excesses = np.array([sample.excesses for sample in samples])
-            beyond = np.flatnonzero((excesses > TOLERANCE[0]).any(axis=1))
-            is_within = not len(beyond) and not self._turns_too_fast(found.view)
+            is_late = repeat >= REPEATS - 1
+            least = DEEP if is_late else TOLERANCE[0]
+            beyond = np.flatnonzero((excesses > least).any(axis=1))
+            is_within = not len(beyond) and not self._splines.turns_too_fast(found.view)
             if is_within or repeat == REPEATS:
                 break
             near = np.flatnonzero(np.isin(periods, periods[beyond]))
             begin = found.view.control
-            if repeat == REPEATS - 1 and excesses.max() > DEEP:
+            if is_late and len(beyond):
                 near, begin = np.arange(len(times)), self._still
             self._limited = np.union1d(self._limited, near)
             found = self.improved(self._state(begin))
         return found, samples
-
-    def _turns_too_fast(self, view: SampledView) -> bool:
-        """Return whether turns exceed bounds, as rotations have changed since these."""
-        given, every = self._problem.bounds, np.arange(len(view.roots))
-        rates, changes = np.abs(self._splines.rates(view, every))[..., 3:6]
-        most = given.base_turn_rate, given.base_turn_acceleration
-        return bool(rates.max() > most[0] or changes.max() > most[1])
 
     def _best(self) -> Candidate:
         """Search from the nearest configuration, and from another one if that misses.
