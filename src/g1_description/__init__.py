@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from .checks.verdict import Finding as Finding
     from .checks.verdict import Verdict as Verdict
     from .client import Client as Client
-    from .ik.inverse_kinematics import IkResult as IkResult
     from .ik.keyframe_poses import Keyframes as Keyframes
     from .ik.limits import TrajectoryBounds as TrajectoryBounds
+    from .ik.results import IkResult as IkResult
     from .ik.targets import Target as Target
     from .ik.targets import box_targets as box_targets
     from .ik.ways import arc as arc
@@ -36,7 +36,7 @@ __path__ = extend_path(__path__, __name__)
 PUBLIC = {
     "Client": "client",
     "Finding": "checks.verdict",
-    "IkResult": "ik.inverse_kinematics",
+    "IkResult": "ik.results",
     "Keyframes": "ik.keyframe_poses",
     "Motion": "motion.motion",
     "Robot": "api",

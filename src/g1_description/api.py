@@ -71,10 +71,10 @@ if TYPE_CHECKING:
     from g1_description.checks.verdict import Verdict
     from g1_description.collisions.contacts import Contacts
     from g1_description.collisions.self_collisions import SelfCollisions
-    from g1_description.ik.inverse_kinematics import IkResult
     from g1_description.ik.keyframe_poses import Keyframe, Keyframes
     from g1_description.ik.limits import Limit, TrajectoryBounds
     from g1_description.ik.paths import IkPath, PathKinematics
+    from g1_description.ik.results import IkResult
     from g1_description.msg import RobotTrajectory
 
 _IK_ARGUMENTS = {"hold": "fixed_links", "collisions": "avoid_collisions"}
@@ -400,7 +400,7 @@ class Robot:
             UnknownNameError: If a link or role is unknown.
             InvalidValueError: If an argument is invalid.
         """
-        from g1_description.ik.inverse_kinematics import IkOptions
+        from g1_description.ik.options import IkOptions
 
         options = IkOptions(
             fixed_links=fixed_links,
@@ -473,8 +473,8 @@ class Robot:
             UnknownNameError: If a link or role is unknown.
             InvalidValueError: If an argument is invalid.
         """
-        from g1_description.ik.inverse_kinematics import IkOptions
         from g1_description.ik.limits import TrajectoryBounds
+        from g1_description.ik.options import IkOptions
 
         options = IkOptions(
             fixed_links=fixed_links,

@@ -7,7 +7,8 @@ from itertools import islice
 
 import numpy as np
 
-from g1_description.ik.inverse_kinematics import IkOptions, InverseKinematics
+from g1_description.ik.inverse_kinematics import InverseKinematics
+from g1_description.ik.options import IkOptions
 from g1_description.robot.rotation import from_rotation_vector
 
 HANDS, FEET = ("left_hand", "right_hand"), ("left_foot", "right_foot")

@@ -7,7 +7,8 @@ import time
 import numpy as np
 
 from g1_description import TrajectoryBounds
-from g1_description.ik.inverse_kinematics import IkOptions, InverseKinematics
+from g1_description.ik.inverse_kinematics import InverseKinematics
+from g1_description.ik.options import IkOptions
 from g1_description.robot.rotation import (
     conjugate,
     from_rotation_vector,

@@ -24,7 +24,8 @@ from g1_description.errors import (
     InvalidValueError,
     MotionError,
 )
-from g1_description.ik.inverse_kinematics import IkOptions, InverseKinematics
+from g1_description.ik.inverse_kinematics import InverseKinematics
+from g1_description.ik.options import IkOptions
 from g1_description.msg import Finding as FindingMessage
 from g1_description.robot.arrays import as_array
 from g1_description.robot.description import Description

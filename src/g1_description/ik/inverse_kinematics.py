@@ -1,13 +1,13 @@
-"""Whole-body inverse kinematics of a robot: targets by name, results, motions."""
+"""Whole-body inverse kinematics of a robot: targets by name."""
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from dataclasses import replace
 from functools import cached_property
 from itertools import islice
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -23,6 +23,20 @@ from g1_description.ik.limits import (
     link_parts,
 )
 from g1_description.ik.obstacle_limit import ObstacleLimit, Surroundings
+from g1_description.ik.options import (
+    BALANCE_MARGIN,
+    BALANCE_SHARE,
+    BASES,
+    BELOW,
+    MAX_WEIGHT,
+    ZMP,
+    IkOptions,
+    floor_height,
+    has_carried,
+    link_names,
+    target_weight,
+)
+from g1_description.ik.results import IkResult, TargetError, error_text
 from g1_description.ik.solver import (
     HARD,
     STARTS,
@@ -36,7 +50,6 @@ from g1_description.ik.solver import (
 )
 from g1_description.ik.supports import found_supports
 from g1_description.ik.targets import (
-    FARTHEST,
     POSE_WEIGHTS,
     Target,
     as_target,
@@ -54,19 +67,6 @@ from g1_description.robot.transform import compose, inverse
 from g1_description.scenes.scene import Scene
 from g1_description.text import listed, similar_first
 
-BALANCE_MARGIN, BALANCE_SHARE = 0.03, 0.5
-"""Least distance of the centre of mass from the edges of the support polygon by
-default, in [m], and the most of the distance of its middle from them that this is."""
-
-ZMP = "zmp"
-"""Balance of the zero-moment point."""
-
-MAX_WEIGHT = 10.0
-"""Largest weight of a target: a tenth of that of fixed links."""
-
-BELOW = 0.01
-"""Depth below a floor up to which fixed links stand on it, in [m]."""
-
 DISTANCE = 0.002
 """Least distance of links from each other, in [m]."""
 
@@ -80,129 +80,6 @@ SOON = 1e-9
 ROUNDS = 3
 """Searches for targets relative to objects that are carried, each of which goes where
 the one before has carried these."""
-
-BASES = {
-    "free": np.ones(6),
-    "planar": np.array([1.0, 1.0, 0.0, 0.0, 0.0, 1.0]),
-    "fixed": np.zeros(6),
-}
-"""How the base may move: along and about the world's axes."""
-
-
-class TargetError(NamedTuple):
-    """How far a link is from its target."""
-
-    position: float | None
-    """In [m]; None: any position will do."""
-
-    rotation: float | None
-    """In [rad], or the angle between an axis and its aim; None: any rotation will
-    do."""
-
-    @property
-    def normalized(self) -> float:
-        """Return the larger part as a multiple of the tolerance."""
-        return float((np.array([part or 0.0 for part in self]) / TOLERANCE).max())
-
-
-@dataclass(frozen=True)
-class IkOptions:
-    """Conditions on a configuration, besides the limits of joints."""
-
-    fixed_links: Collection[str] | None = None
-    """Links that stay, by name or role; None: the feet of the robot's profile, as far
-    as they have no target."""
-
-    balance: float | str | None = False
-    """By how much in [m] the centre of mass must be inside the edges of the links that
-    stand on the floor. True: ``BALANCE_MARGIN``, less where they are narrow; None,
-    False and 0: anywhere. ``ZMP``: so is the zero-moment point of a trajectory."""
-
-    avoid_collisions: bool = False
-    """Whether links keep away from each other."""
-
-    floor: float | None = None
-    """Height in [m] below which no link gets, except fixed ones; None: no floor."""
-
-    base_motion: str | None = None
-    """How the base moves, one of ``BASES``; None: freely if a link is fixed or a foot
-    has a target, else not at all. A base that the robot's file fixes to the world never
-    moves."""
-
-    weights: Mapping[str, float] | None = None
-    """Weights of targets, by default 1; infinite: others must not disturb it."""
-
-    points: Mapping[str, Any] | None = None
-    """Points of links that are brought to their targets, x y z in the frame of the
-    link; by default its origin."""
-
-    limits: Sequence[Limit] = ()
-    """Further limits; see ``ik.limits.Limit``."""
-
-    scene: Scene | None = None
-    """Objects from which links keep away."""
-
-    def __post_init__(self) -> None:
-        """Refuse values that mean something else than they say.
-
-        Raises:
-            InvalidValueError: If balance is no length, avoid_collisions no boolean, or
-                limits are no limits.
-        """
-        balance, flags = self.balance, (bool, np.bool_, type(None))
-        is_margin = is_number(balance) and 0.0 <= float(balance or 0.0) <= 1.0
-        if not (is_margin or isinstance(balance, flags) or str(balance) == ZMP):
-            raise InvalidValueError(
-                f"balance must be True, False, '{ZMP}' or a margin in m, from 0 to 1 "
-                f"(got {str(balance)[:80]})."
-            )
-        if not isinstance(self.avoid_collisions, (bool, np.bool_)):
-            raise InvalidValueError(
-                "avoid_collisions must be True or False (got "
-                f"{str(self.avoid_collisions)[:80]})."
-            )
-        if not isinstance(self.scene, (Scene, type(None))):
-            raise InvalidValueError(
-                f"scene must be a Scene or None (got {str(self.scene)[:80]}): read a "
-                "file with Scene.read."
-            )
-        methods = "approach", "excess_message"
-        if not isinstance(self.limits, Sequence) or not all(
-            hasattr(limit, method) for limit in self.limits for method in methods
-        ):
-            raise InvalidValueError(
-                f"limits must be a list of objects with the methods {listed(methods)} "
-                f"(got {str(self.limits)[:80]})."
-            )
-
-
-@dataclass(frozen=True, eq=False)
-class IkResult:
-    """The configuration that inverse kinematics found."""
-
-    positions: np.ndarray
-    """Positions in [rad] or [m], within the limits, shape (n_joints,)."""
-
-    base: np.ndarray
-    """Pose of the base link in the world, shape (7,)."""
-
-    errors: Mapping[str, TargetError]
-    """Distances of links from their targets, fixed links included."""
-
-    reached: bool
-    """Whether all targets are reached within 1 mm and 0.5 degrees, with balance and
-    distances where these are requested."""
-
-    margin: float | None
-    """Distance of the centre of mass, or of the zero-moment point where that keeps the
-    balance, from the nearest edge of what supports the robot, in [m], negative outside;
-    None without balance."""
-
-    steps: int
-    """Number of steps of the solver."""
-
-    message: str
-    """A sentence on targets that are missed; empty if there is none."""
 
 
 class InverseKinematics:
@@ -356,7 +233,7 @@ class InverseKinematics:
                     self._solver.masses, supports, margin, share, floors, is_of_zmp
                 )
             )
-        floor = _height(options.floor, start)
+        floor = floor_height(options.floor, start)
         if floor is not None:
             limits.append(self._floor_limit(floor, start, {*fixed.values()}))
         if options.avoid_collisions:
@@ -430,7 +307,7 @@ class InverseKinematics:
     ) -> dict[str, int]:
         """Find the fixed links, which have no target."""
         feet = [role for role in FEET if role in self._roles]
-        names = feet if given is None else _names(given)
+        names = feet if given is None else link_names(given)
         targets = {task.link for task in moved.values()}
         rows = {name: self._row(name) for name in names}
         both = [name for name, row in rows.items() if row in targets]
@@ -473,7 +350,7 @@ class InverseKinematics:
                 of = self._frame(name, row, target.relative_to, options, times, course)
                 task = task.in_frame(of)
             check_places(name, task, start.root[:3], poses[row], times)
-            weight = _weight(name, weights.get(name, 1.0))
+            weight = target_weight(name, weights.get(name, 1.0))
             weight = min(weight, HARD if times is None else MAX_WEIGHT)
             tasks[name] = task._replace(weights=weight * task.weights)
         # Fixed links and limits prevail, even over an infinite weight.
@@ -580,60 +457,3 @@ class InverseKinematics:
             steps,
             message,
         )
-
-
-def has_carried(targets: Mapping[str, Any], scene: Scene | None) -> bool:
-    """Return whether a target is relative to an object that links carry."""
-    given = targets.values() if isinstance(targets, Mapping) else ()
-    names = [str(one.relative_to) for one in given if isinstance(one, Target)]
-    return any(scene and n in scene and scene[n].attachments for n in names)
-
-
-def _names(given: Any) -> list[str]:
-    """Read names of links."""
-    is_list = isinstance(given, Iterable) and not isinstance(given, str)
-    names = [*given] if is_list else [given]
-    if not all(isinstance(name, str) for name in names):
-        raise InvalidValueError(
-            f"fixed_links must be names or roles of links (got {str(given)[:80]})."
-        )
-    return names
-
-
-def _height(given: Any, start: Configuration) -> float | None:
-    """Read the height of the floor."""
-    if given is None:
-        return None
-    if not is_number(given) or not np.isfinite(given):
-        raise InvalidValueError(
-            f"floor must be the height of the floor in m, or None (got {given})."
-        )
-    above = float(given) - float(start.root[2])
-    if above > FARTHEST:
-        raise InvalidValueError(
-            f"floor is {above:.3g} m above the robot: it is in m, at most "
-            f"{FARTHEST:g} m above."
-        )
-    return float(given)
-
-
-def _weight(name: str, given: Any) -> float:
-    """Read the weight of a target."""
-    weight = float(given) if is_number(given) else 0.0
-    if not weight > 0.0:
-        raise InvalidValueError(
-            f"The weight of {name} must be a number greater than 0 (got {given})."
-        )
-    return weight
-
-
-def error_text(error: TargetError) -> str:
-    """Write an error as text."""
-    texts = []
-    if error.position is not None:
-        is_far = error.position >= 1.0
-        millimetres = f"{1e3 * error.position:.3g} mm"
-        texts.append(f"{error.position:.2f} m" if is_far else millimetres)
-    if error.rotation is not None:
-        texts.append(f"{np.degrees(error.rotation):.2g} degrees")
-    return " and ".join(texts)

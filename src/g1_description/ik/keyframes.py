@@ -7,7 +7,7 @@ from collections.abc import Collection, Generator, Iterator, Sequence
 import numpy as np
 
 from g1_description.errors import InvalidValueError
-from g1_description.ik.inverse_kinematics import IkOptions, InverseKinematics
+from g1_description.ik.inverse_kinematics import InverseKinematics
 from g1_description.ik.keyframe_poses import (
     PASS,
     STOP,
@@ -16,6 +16,7 @@ from g1_description.ik.keyframe_poses import (
     fixed_link_names,
 )
 from g1_description.ik.limits import TrajectoryBounds
+from g1_description.ik.options import IkOptions
 from g1_description.ik.solver import TOLERANCE
 from g1_description.motion.edit import minimum_jerk_fraction
 from g1_description.motion.motion import Motion

@@ -9,16 +9,10 @@ from typing import Any
 import numpy as np
 
 from g1_description.errors import InvalidValueError
-from g1_description.ik.inverse_kinematics import (
-    ROUNDS,
-    ZMP,
-    IkOptions,
-    IkResult,
-    InverseKinematics,
-    error_text,
-    has_carried,
-)
+from g1_description.ik.inverse_kinematics import ROUNDS, InverseKinematics
 from g1_description.ik.limits import Course, TrajectoryBounds, limit_name
+from g1_description.ik.options import ZMP, IkOptions, has_carried
+from g1_description.ik.results import IkResult, error_text
 from g1_description.ik.sampled import Problem
 from g1_description.ik.solver import (
     TOLERANCE,

@@ -11,11 +11,9 @@ import numpy as np
 from g1_description.choices import ZERO
 from g1_description.collisions.self_collisions import SelfCollisions
 from g1_description.errors import InvalidValueError
-from g1_description.ik.inverse_kinematics import (
-    IkOptions,
-    IkResult,
-    InverseKinematics,
-)
+from g1_description.ik.inverse_kinematics import InverseKinematics
+from g1_description.ik.options import IkOptions
+from g1_description.ik.results import IkResult
 from g1_description.ik.solver import last
 from g1_description.motion.edit import mirrored, projected
 from g1_description.motion.motion import Motion, configuration

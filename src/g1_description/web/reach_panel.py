@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from g1_description.bounds import MAX_VALUE
-from g1_description.ik.inverse_kinematics import IkResult
 from g1_description.ik.posing import roles_of
+from g1_description.ik.results import IkResult
 from g1_description.robot.assembly import WORLD
 from g1_description.robot.poses import fitting_poses
 from g1_description.robot.rotation import conjugate, from_z, rotate
