@@ -9,7 +9,8 @@ import numpy as np
 
 from g1_description import Scene
 from g1_description.collisions.obstacles import Obstacles
-from g1_description.ik.inverse_kinematics import IkOptions, InverseKinematics
+from g1_description.ik.inverse_kinematics import InverseKinematics
+from g1_description.ik.options import IkOptions
 
 from .ik import HANDS, random_stands
 
