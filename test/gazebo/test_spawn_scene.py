@@ -10,6 +10,7 @@ from g1_description.robot.transform import compose
 from g1_description.scenes.objects import model_objects
 from g1_description.scenes.scene import Scene
 from g1_description.sdf.world import read_sdf
+from g1_description.sim.model import Model
 
 
 def test_objects_are_models_and_links_of_a_model_stay_together():
@@ -22,8 +23,8 @@ def test_objects_are_models_and_links_of_a_model_stay_together():
     for name, pose, text in models_of(scene):
         (model,) = read_sdf(text).models
         assert model.name == name
-        placed = compose(pose, model.pose)
-        found.update({e.name: e for e in model_objects(name, model.assembly, placed)})
+        placed = Model(name, model.assembly, compose(pose, model.pose))
+        found.update({each.name: each for each in model_objects(placed)})
     assert {*found} == {*scene}
     for name, each in scene.items():
         np.testing.assert_allclose(found[name].pose, each.pose, atol=1e-9)

@@ -15,8 +15,8 @@ import math
 import struct
 import threading
 import time
-from collections.abc import Iterator
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 from gazebo_msgs.msg import LinkStates
@@ -26,12 +26,11 @@ from visualization_msgs.msg import MarkerArray
 from g1_description.errors import InvalidValueError
 from g1_description.gazebo.shape_markers import ShapeMarkers, deleted
 from g1_description.render.patches import object_shapes
-from g1_description.robot.assembly import SCOPE
 from g1_description.robot.rotation import rotate
 from g1_description.ros.log import ThrottledLog
 from g1_description.ros.publisher import DirectPublisher
 from g1_description.ros.wire import LinkStatesEncoder, ready
-from g1_description.scenes.objects import SceneObject
+from g1_description.scenes.objects import SceneObject, model_objects
 from g1_description.scenes.scene import Scene
 from g1_description.scenes.scene_file import sdf_of
 from g1_description.sim.model import Model, States
@@ -163,9 +162,9 @@ class Objects:
             for model in world.models.values()
             if not _is_robot(model) and not _is_floor(model)
         ]
-        self._rows = np.arange(sum(len(model.link_names) for model in self._models))
         scene, rows, wrong = Scene(), [], []
-        for row, each in enumerate(self._made()):
+        made = chain.from_iterable(map(model_objects, self._models))
+        for row, each in enumerate(made):
             try:
                 scene.add(each)
                 rows.append(row)
@@ -204,18 +203,6 @@ class Objects:
     def at(self, poses: np.ndarray) -> list[SceneObject]:
         """Return the objects at poses in the world, shape (n_objects, 7)."""
         return [replace(each, pose=at) for each, at in zip(self._objects, poses)]
-
-    def _made(self) -> Iterator[SceneObject]:
-        """Make an object of each link; a static one has no mass."""
-        poses = iter(self.states()[0])
-        for model in self._models:
-            is_one = len(model.link_names) == 1
-            for name in model.link_names:
-                own = model.name if is_one else model.name + SCOPE + name
-                link = replace(model.links[name], name=own)
-                if model.assembly.static:
-                    link = replace(link, inertial=None)
-                yield SceneObject(link, next(poses))
 
 
 def _is_robot(model: Model) -> bool:

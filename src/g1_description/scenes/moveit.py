@@ -20,6 +20,7 @@ from g1_description.scenes.objects import (
     COLOR,
     SceneObject,
     attached,
+    direction,
     numbers,
     sizes,
     with_mass,
@@ -171,11 +172,9 @@ def _shapes(message: Any) -> Iterator[Shape]:
         yield Shape("mesh", (1.0, 1.0, 1.0), _pose(pose), uri, "mesh", color=COLOR)
     for plane, pose in _posed(message.planes, message.plane_poses):
         *normal, offset = numbers(name, "plane", list(plane.coef), 4)
-        length = float(np.linalg.norm(normal))
-        if length == 0.0:
-            raise InvalidValueError(f"The normal of {name} must not be zero.")
-        unit = np.array(normal) / length
-        point = np.concatenate([-offset / length * unit, IDENTITY[3:]])
+        unit = direction(name, normal)
+        nearest = -offset / np.linalg.norm(normal) * unit
+        point = np.concatenate([nearest, IDENTITY[3:]])
         at = compose(_pose(pose), point)
         yield Shape("plane", tuple(unit.tolist()), at, name="plane", color=COLOR)
 

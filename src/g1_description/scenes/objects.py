@@ -15,7 +15,7 @@ from g1_description.errors import InvalidValueError
 from g1_description.files.model_files import find_folder
 from g1_description.files.uris import local_path
 from g1_description.robot.arrays import one_pose
-from g1_description.robot.assembly import SCOPE, Assembly
+from g1_description.robot.assembly import SCOPE
 from g1_description.robot.description import Inertial, Link, Shape
 from g1_description.robot.rotation import from_rpy
 from g1_description.robot.transform import IDENTITY
@@ -121,6 +121,48 @@ def shape_object(
     )
 
 
+SIZES = {
+    "box": {"size": 3},
+    "cylinder": {"radius": 1, "length": 1},
+    "sphere": {"radius": 1},
+    "plane": {"normal": 3},
+    "mesh": {"file": 0},
+}
+"""What kinds of shapes must have, and how many numbers that is."""
+
+
+def described_object(
+    kind: str, name: str, at: Any, given: Mapping[str, Any]
+) -> SceneObject:
+    """Make an object of one shape as a scene or a file describes it.
+
+    Args:
+        kind: One of ``SIZES``.
+        name: Its name.
+        at: Its place in [m], shape (3,), or its pose, shape (7,).
+        given: Its sizes, by ``SIZES``, and of a mesh also its scale; and the options of
+            ``Scene.box``.
+
+    Raises:
+        InvalidValueError: If a value is invalid, or a mesh does not exist.
+    """
+    options, file = dict(given), ""
+    size: Any
+    if kind == "mesh":
+        file = mesh_uri(name, options.pop("file"))
+        scale = options.pop("scale", 1.0)
+        size = np.broadcast_to(sizes(name, "scale", scale, np.size(scale)), 3)
+    elif kind == "plane":
+        size = direction(name, options.pop("normal"))
+    else:
+        size = [
+            number
+            for key, count in SIZES[kind].items()
+            for number in sizes(name, key, options.pop(key), count)
+        ]
+    return shape_object(name, kind, size, at, options, file)
+
+
 def with_mass(each: SceneObject, mass: float) -> SceneObject:
     """Give an object a mass in [kg], spread as in a solid of its first shape."""
     inertial = _inertial(each.name, each.link.collisions[0], mass)
@@ -144,22 +186,17 @@ def direction(name: str, given: Any) -> np.ndarray:
     return np.asarray(vector / length)
 
 
-def model_objects(
-    name: str, assembly: Assembly, pose: np.ndarray
-) -> Iterator[SceneObject]:
-    """Make objects of the links of a model, its joints as they are at first.
+def model_objects(model: Model) -> Iterator[SceneObject]:
+    """Make objects of the links of a model where they are; static ones have no mass.
 
-    Args:
-        name: Name of the model, and of its link if it has only one; others are called
-            ``name::link``.
-        assembly: The model.
-        pose: Pose of its frame in the map, shape (7,).
+    The link of a model that has only one is called as the model, others
+    ``model::link``.
     """
-    model = Model(name, assembly, pose)
     is_one = len(model.link_names) == 1
     for link, at in zip(model.link_names, model.poses):
-        own = replace(model.links[link], name=name if is_one else name + SCOPE + link)
-        if assembly.static:
+        name = model.name if is_one else model.name + SCOPE + link
+        own = replace(model.links[link], name=name)
+        if model.assembly.static:
             own = replace(own, inertial=None)
         yield SceneObject(own, np.array(at))
 

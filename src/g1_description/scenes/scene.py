@@ -16,11 +16,8 @@ from g1_description.scenes.moveit import apply_message
 from g1_description.scenes.objects import (
     SceneObject,
     attached,
-    direction,
-    mesh_uri,
+    described_object,
     object_pose,
-    shape_object,
-    sizes,
 )
 from g1_description.scenes.scene_file import read_objects, write_objects
 from g1_description.text import listed, similar_first
@@ -107,20 +104,19 @@ class Scene(Mapping[str, SceneObject]):
         Raises:
             InvalidValueError: If a value is invalid, or the name is taken.
         """
-        lengths = sizes(name, "size", size, 3)
-        return self.add(shape_object(name, "box", lengths, at, options))
+        return self.add(described_object("box", name, at, {"size": size, **options}))
 
     def cylinder(
         self, name: str, radius: float, length: float, at: Any, **options: Any
     ) -> SceneObject:
         """Add a cylinder along its z axis; see ``box``."""
-        lengths = *sizes(name, "radius", radius), *sizes(name, "length", length)
-        return self.add(shape_object(name, "cylinder", lengths, at, options))
+        given = {"radius": radius, "length": length, **options}
+        return self.add(described_object("cylinder", name, at, given))
 
     def sphere(self, name: str, radius: float, at: Any, **options: Any) -> SceneObject:
         """Add a sphere; see ``box``."""
-        lengths = sizes(name, "radius", radius)
-        return self.add(shape_object(name, "sphere", lengths, at, options))
+        given = {"radius": radius, **options}
+        return self.add(described_object("sphere", name, at, given))
 
     def plane(self, name: str, normal: Any, at: Any, **options: Any) -> SceneObject:
         """Add all that is behind a plane.
@@ -134,8 +130,8 @@ class Scene(Mapping[str, SceneObject]):
         Raises:
             InvalidValueError: If a value is invalid, or the name is taken.
         """
-        size = direction(name, normal)
-        return self.add(shape_object(name, "plane", size, at, options))
+        given = {"normal": normal, **options}
+        return self.add(described_object("plane", name, at, given))
 
     def mesh(
         self,
@@ -158,9 +154,8 @@ class Scene(Mapping[str, SceneObject]):
             InvalidValueError: If a value is invalid, there is no such file, or the name
                 is taken.
         """
-        factors = np.broadcast_to(sizes(name, "scale", scale, np.size(scale)), 3)
-        uri = mesh_uri(name, file)
-        return self.add(shape_object(name, "mesh", factors, at, options, uri))
+        given = {"file": file, "scale": scale, **options}
+        return self.add(described_object("mesh", name, at, given))
 
     def remove(self, name: str) -> None:
         """Remove an object.
@@ -260,7 +255,7 @@ class Scene(Mapping[str, SceneObject]):
                 without attachments, if it ends in .scene.
 
         Raises:
-            InvalidValueError: If its attachments do not fit into SDF.
+            SceneError: If it has attachments, which SDF has not.
             OSError: If it cannot be written.
         """
         write_objects([*self.values()], Path(file))

@@ -24,28 +24,27 @@ from g1_description.robot.urdf import parse_urdf
 from g1_description.scenes.moveit import scene_text
 from g1_description.scenes.objects import (
     COLOR,
+    SIZES,
     SceneObject,
     attached,
-    direction,
-    mesh_uri,
+    described_object,
     model_objects,
     names_touching,
     object_pose,
-    shape_object,
-    sizes,
 )
 from g1_description.sdf.document import BUILT_IN
 from g1_description.sdf.world import read_sdf
+from g1_description.sim.model import Model
 from g1_description.text import listed, similar_first
 
 SECTIONS = {
-    "boxes": ("box", ("size",)),
-    "cylinders": ("cylinder", ("radius", "length")),
-    "spheres": ("sphere", ("radius",)),
-    "planes": ("plane", ("normal",)),
-    "meshes": ("mesh", ("file",)),
+    "boxes": "box",
+    "cylinders": "cylinder",
+    "spheres": "sphere",
+    "planes": "plane",
+    "meshes": "mesh",
 }
-"""Sections of a YAML file: kinds of shapes, and the keys that each object has."""
+"""Sections of a YAML file, and their kinds of shapes."""
 
 MODELS, ATTACH = "models", "attach"
 """Sections of models from files, and of attachments."""
@@ -98,7 +97,7 @@ def objects_of_sdf(text: str) -> list[SceneObject]:
     return [
         each
         for model in models
-        for each in model_objects(model.name, model.assembly, model.pose)
+        for each in model_objects(Model(model.name, model.assembly, model.pose))
     ]
 
 
@@ -154,22 +153,13 @@ def _shape_of(
     section: str, name: str, options: dict[str, Any], folder: Path
 ) -> SceneObject:
     """Read an object of one shape."""
-    kind, keys = SECTIONS[section]
-    missing = [key for key in (*keys, "at") if key not in options]
+    kind = SECTIONS[section]
+    missing = [key for key in (*SIZES[kind], "at") if key not in options]
     if missing:
         raise SceneError(f"{name} in {section} has no {listed(missing)}.")
-    at, file = _place(options), ""
-    size: Any
     if kind == "mesh":
-        file = mesh_uri(name, _path(options.pop("file"), folder))
-        given = options.pop("scale", 1.0)
-        size = np.broadcast_to(sizes(name, "scale", given, np.size(given)), 3)
-    elif kind == "plane":
-        size = direction(name, options.pop("normal"))
-    else:
-        count = 3 if kind == "box" else 1
-        size = [n for key in keys for n in sizes(name, key, options.pop(key), count)]
-    return shape_object(name, kind, size, at, options, file)
+        options["file"] = _path(options["file"], folder)
+    return described_object(kind, name, _place(options), options)
 
 
 def _place(options: dict[str, Any]) -> Any:
@@ -201,20 +191,21 @@ def _model(name: str, options: dict[str, Any], folder: Path) -> Iterator[SceneOb
     text = BUILT_IN.get(file) or find_model(file) if file else str(options["sdf"])
     pose = object_pose(name, _place(options), options.get("rpy"))
     if "<robot" in text[:2000]:
-        found = [*model_objects(name, Assembly(parse_urdf(text)), pose)]
+        models = [Model(name, Assembly(parse_urdf(text)), pose)]
     else:
-        models = read_sdf(text, find_model).models
-        found = [
-            each
-            for model in models
-            for each in model_objects(
-                name if len(models) == 1 else name + SCOPE + model.name,
+        read = read_sdf(text, find_model).models
+        models = [
+            Model(
+                name if len(read) == 1 else name + SCOPE + model.name,
                 model.assembly,
                 compose(pose, model.pose),
             )
+            for model in read
         ]
     touching = names_touching(name, options.get("may_touch"))
-    return (replace(each, may_touch=touching) for each in found)
+    for model in models:
+        for each in model_objects(model):
+            yield replace(each, may_touch=touching)
 
 
 def write_objects(objects: Collection[SceneObject], file: Path) -> None:
@@ -239,7 +230,7 @@ def _yaml(objects: Collection[SceneObject]) -> str:
     from ruamel.yaml.comments import CommentedMap
     from ruamel.yaml.scalarstring import LiteralScalarString
 
-    sections = {kind: section for section, (kind, _) in SECTIONS.items()}
+    sections = {kind: section for section, kind in SECTIONS.items()}
     content: dict[str, Any] = {}
     for each in objects:
         line = CommentedMap(_line(each))
@@ -272,11 +263,10 @@ def _yaml(objects: Collection[SceneObject]) -> str:
 def _line(each: SceneObject) -> dict[str, Any]:
     """Write an object in YAML: one shape by its sizes, others as SDF."""
     shapes = each.link.collisions
-    keys = dict(SECTIONS.values())
     is_simple = (
         len(shapes) == 1
         and each.link.visuals == shapes
-        and shapes[0].kind in keys
+        and shapes[0].kind in SIZES
         and np.array_equal(shapes[0].pose, IDENTITY)
     )
     found: dict[str, Any] = {}
@@ -284,10 +274,11 @@ def _line(each: SceneObject) -> dict[str, Any]:
         found["sdf"] = sdf_of([replace(each, pose=IDENTITY)])
     elif shapes[0].kind == "mesh":
         found = {"file": shapes[0].filename, "scale": [*shapes[0].size]}
-    elif len(shapes[0].size) == len(keys[shapes[0].kind]):
-        found = dict(zip(keys[shapes[0].kind], shapes[0].size))
+    elif len(shapes[0].size) == len(SIZES[shapes[0].kind]):
+        found = dict(zip(SIZES[shapes[0].kind], shapes[0].size))
     else:
-        found = {keys[shapes[0].kind][0]: [*shapes[0].size]}
+        (key,) = SIZES[shapes[0].kind]
+        found = {key: [*shapes[0].size]}
     found["at"] = each.pose[:3].tolist()
     if not np.array_equal(each.pose[3:], IDENTITY[3:]):
         found["quaternion"] = each.pose[3:].tolist()
@@ -334,7 +325,7 @@ def _model_of(
     etree.SubElement(model, "static").text = str(is_static).lower()
     for own, each in links.items():
         link = etree.SubElement(model, "link", name=own)
-        if each.pose is not pose:
+        if not np.array_equal(each.pose, pose):
             _pose(link, compose(inverse(pose), each.pose))
         _link(link, each.link)
     return model
