@@ -17,7 +17,12 @@ from g1_description.robot.description import Description, Inertial, Link
 from g1_description.robot.dynamics import Masses
 from g1_description.robot.lumping import combine_inertials
 from g1_description.robot.transform import IDENTITY
-from g1_description.scenes.carried import Hold, LinkPoses, holds_of, object_poses
+from g1_description.scenes.carried import (
+    LinkPoses,
+    applying,
+    holds_of,
+    object_poses,
+)
 
 MARGIN = 0.05
 """Distances from objects are known up to this, in [m], or to thresholds above it."""
@@ -104,7 +109,7 @@ class Surroundings:
         found = np.zeros((len(times), len(self.holds)), dtype=bool)
         for column, some in enumerate(self.holds):
             if len(some) > 1 or some[0].link:
-                found[:, column] = [bool(some[n].link) for n in numbers(some, times)]
+                found[:, column] = [bool(some[n].link) for n in applying(some, times)]
         return found
 
     def loads(
@@ -124,7 +129,7 @@ class Surroundings:
             for row, some in enumerate(self.holds)
             if self.objects[row].mass and any(hold.link for hold in some)
         ]
-        held = [numbers(self.holds[row], times) for row in heavy]
+        held = [applying(self.holds[row], times) for row in heavy]
         keys = np.stack([*held, np.zeros(len(times), dtype=int)], axis=1)
         starts = np.flatnonzero((keys[1:] != keys[:-1]).any(axis=1)) + 1
         bounds = [0, *starts.tolist(), len(times)]
@@ -173,9 +178,3 @@ def _loaded(link: Link, loads: Sequence[tuple[Inertial, np.ndarray]]) -> Link:
     """Add inertials, with their poses in its frame, to a link."""
     own = [] if link.inertial is None else [(link.inertial, IDENTITY)]
     return replace(link, inertial=combine_inertials([*own, *loads])) if loads else link
-
-
-def numbers(holds: list[Hold], times: np.ndarray) -> np.ndarray:
-    """Find which hold of an object applies at times, shape (n,)."""
-    begins = [hold.begin for hold in holds]
-    return np.asarray(np.searchsorted(begins, times, "right") - 1)

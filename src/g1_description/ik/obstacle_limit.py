@@ -24,7 +24,12 @@ from g1_description.robot.description import Description
 from g1_description.robot.jacobians import Jacobians
 from g1_description.robot.rotation import conjugate, normalized, rotate
 from g1_description.robot.transform import compose
-from g1_description.scenes.carried import LinkPoses, holds_of, object_poses
+from g1_description.scenes.carried import (
+    LinkPoses,
+    applying,
+    holds_of,
+    object_poses,
+)
 from g1_description.scenes.scene import Scene
 
 DISTANCE = 0.002
@@ -103,8 +108,7 @@ class Surroundings:
         names = self.obstacles.names
         holds = holds_of(objects, self._description, _links(course, names))
         for column, some in enumerate(holds):
-            begins = [hold.begin for hold in some]
-            numbers = np.searchsorted(begins, times, "right") - 1
+            numbers = applying(some, times)
             rows = np.array([names.index(h.link) if h.link else -1 for h in some])
             carriers[:, column] = rows[numbers]
             poses[:, column] = np.array([hold.pose for hold in some])[numbers]
@@ -128,10 +132,9 @@ class Surroundings:
         """
         links = _links(course, self.obstacles.names)
         holds = holds_of([self.scene[name]], self._description, links)
-        begins = [hold.begin for hold in holds[0]]
-        numbers = np.searchsorted(begins, times, "right") - 1
-        carriers = np.array([hold.link for hold in holds[0]])[numbers]
-        return object_poses(holds, times, links)[:, 0], carriers
+        carriers = np.array([hold.link for hold in holds[0]])
+        poses = object_poses(holds, times, links)[:, 0]
+        return poses, carriers[applying(holds[0], times)]
 
     def stood_on(
         self, tasks: Sequence[LinkTask], link_poses: np.ndarray

@@ -34,6 +34,12 @@ class Hold(NamedTuple):
     """T_link_object, or T_map_object, shape (7,)."""
 
 
+def applying(holds: Sequence[Hold], times: np.ndarray) -> np.ndarray:
+    """Find the rows of the holds of one object that apply at times, shape (n,)."""
+    begins = [hold.begin for hold in holds]
+    return np.asarray(np.searchsorted(begins, times, "right") - 1)
+
+
 class RobotLinks:
     """The links of a robot, for poses along its motions."""
 
@@ -151,7 +157,7 @@ def object_poses(
     names = {hold.link for some in holds for hold in some if hold.link}
     links = {name: link_poses(name, times) for name in names}
     for column, some in enumerate(holds):
-        number = np.searchsorted([hold.begin for hold in some], times, "right") - 1
+        number = applying(some, times)
         for row, hold in enumerate(some):
             now = number == row
             if hold.link:
