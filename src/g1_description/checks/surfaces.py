@@ -66,8 +66,7 @@ class Surfaces:
         found = sorted(_surfaces(obstacles, object_poses), key=lambda each: each.height)
         self.names = tuple(obstacles.scene)
         """Names of the objects."""
-        n_links = len(obstacles.names) - len(self.names)
-        self._objects = obstacles.pair_rows[:, 1] - n_links
+        self._objects = obstacles.pair_rows[:, 1] - obstacles.n_links
         self._tops: dict[int, list[float]] = {}
         for each in found:
             self._tops.setdefault(each.row, []).append(each.height)
@@ -160,9 +159,8 @@ class Surfaces:
 def _surfaces(obstacles: Obstacles, object_poses: np.ndarray) -> Iterator[Surface]:
     """Yield the surfaces of all objects that are never carried."""
     objects = [*obstacles.scene.values()]
-    first = len(obstacles.names) - len(objects)
     for shape in obstacles.shapes:
-        row = shape.link - first
+        row = shape.link - obstacles.n_links
         if row >= 0 and not shape.radius and not objects[row].attachments:
             yield from _top(shape, row, object_poses[row])
     for row, each in enumerate(objects):

@@ -69,14 +69,14 @@ class Surroundings:
         starts = np.array([each.pose for each in objects]).reshape(-1, 7)
         self.surfaces = Surfaces(obstacles, starts, thresholds.floor_height)
         self._margin = margin_of(thresholds)
-        links = obstacles.names[: len(obstacles.names) - len(objects)]
-        self._links = {name: row for row, name in enumerate(links)}
+        n_links = obstacles.n_links
+        self._links = {n: row for row, n in enumerate(obstacles.names[:n_links])}
         first, second = obstacles.pair_rows.T
         # Rows of links, -1 for objects.
-        self._first = np.where(first < len(links), first, -1)
+        self._first = np.where(first < n_links, first, -1)
         is_known = present is None  # which links carry them
-        carried = np.where(first < len(links), -1, first - len(links))
-        onto = second - len(links)
+        carried = np.where(first < n_links, -1, first - n_links)
+        onto = second - n_links
         self._carried = np.stack([carried, onto]) if is_known else None
 
     def contacts(self, times: np.ndarray, link_poses: np.ndarray) -> Contacts:

@@ -9,7 +9,6 @@ import numpy as np
 
 from g1_description.collisions.contacts import Contacts, ShapeContacts, deepest
 from g1_description.collisions.convex_shapes import (
-    ConvexShape,
     axes_of,
     link_shapes,
     posed_links,
@@ -47,7 +46,7 @@ class Obstacles(ShapeContacts):
                 its visuals.
 
         Raises:
-            UnknownNameError: If a link or object is named that does not exist.
+            UnknownNameError: If an object is attached to a link that is not there.
         """
         self.scene = scene
         """The objects."""
@@ -59,29 +58,31 @@ class Obstacles(ShapeContacts):
         links = [link.name for link in posed_links(description)]
         self.names = (*links, *scene)
         """Names of links, then of objects, in the order of their poses."""
-        self._n_links = len(links)
+        self.n_links = len(links)
+        """How many of them are links."""
         shapes = list(of_links)
-        shapes += [replace(s, link=s.link + self._n_links) for s in of_objects]
-        self._planes = [
+        shapes += [replace(s, link=s.link + self.n_links) for s in of_objects]
+        planes = [
             (row, shape.pose[:3], rotate(shape.pose[3:], np.array(shape.size)))
-            for row, body in enumerate(bodies, self._n_links)
+            for row, body in enumerate(bodies, self.n_links)
             for shape in body.collisions
             if shape.kind == "plane"
         ]
-        solid = {shape.link for shape in shapes} | {row for row, _, _ in self._planes}
+        solid = {shape.link for shape in shapes} | {row for row, _, _ in planes}
         pairs = [pair for pair in _pairs(description, scene) if solid.issuperset(pair)]
         self.pairs = tuple((self.names[a], self.names[b]) for a, b in pairs)
         """Names of a link or carried object, and of an object, as in ``Contacts``."""
         self.pair_rows = np.array(pairs, dtype=int).reshape(-1, 2)
         """Their rows in ``names``, shape (n_pairs, 2)."""
-        convex = {shape.link for shape in shapes}
         # No shape pairs for those of planes, whose contacts are computed on their own.
         super().__init__(shapes, pairs, len(self.names))
         self._plane_pairs = [
-            (number, pair[0], plane)
+            (number, shape, plane)
             for number, pair in enumerate(pairs)
-            for plane in self._planes
-            if pair[1] == plane[0] and pair[0] in convex
+            for plane in planes
+            if pair[1] == plane[0]
+            for shape in shapes
+            if shape.link == pair[0]
         ]
 
     def contacts_among(
@@ -113,8 +114,7 @@ class Obstacles(ShapeContacts):
 
     def _near_rows(self, poses: np.ndarray, rows: np.ndarray, gap: float) -> np.ndarray:
         """Leave out shapes of objects that are far from the whole robot throughout."""
-        placed = self._bounds.spheres(poses)
-        center, radius = placed
+        center, radius = self._bounds.spheres(poses)
         low = (center - radius[:, np.newaxis]).min(axis=0)
         high = (center + radius[:, np.newaxis]).max(axis=0)
         first, second = rows[:, 0], rows[:, 1]
@@ -123,33 +123,20 @@ class Obstacles(ShapeContacts):
 
     def _plane_contacts(self, poses: np.ndarray, margin: float) -> Iterator[Contacts]:
         """Yield contacts with planes."""
-        for number, row, (plane, point, normal) in self._plane_pairs:
-            of_plane = poses[:, plane]
+        for number, shape, (plane, point, normal) in self._plane_pairs:
+            of_plane, of_shape = poses[:, plane], poses[:, shape.link]
             normals = rotate(of_plane[:, 3:], normal)
             points = of_plane[:, :3] + rotate(of_plane[:, 3:], point)
-            axes = axes_of(poses[:, row, 3:])
-            inward = turn(np.swapaxes(axes, 1, 2), normals)
-            for shape in self._shapes_of(row):
-                along = inward @ shape.points.T
-                lowest = shape.points[along.argmin(axis=1)]
-                nearest = poses[:, row, :3] + turn(axes, lowest)
-                nearest -= shape.radius * normals
-                distance = ((nearest - points) * normals).sum(axis=1)
-                near = np.flatnonzero(distance < margin)
-                size, normal_a = distance[near], -normals[near]
-                points_a = nearest[near]
-                yield Contacts(
-                    near,
-                    np.full(len(near), number),
-                    size,
-                    points_a,
-                    points_a + size[:, np.newaxis] * normal_a,
-                    normal_a,
-                )
-
-    def _shapes_of(self, row: int) -> list[ConvexShape]:
-        """List the shapes on a frame."""
-        return [shape for shape in self.shapes if shape.link == row]
+            axes = axes_of(of_shape[:, 3:])
+            along = turn(np.swapaxes(axes, 1, 2), normals) @ shape.points.T
+            lowest = shape.points[along.argmin(axis=1)]
+            nearest = of_shape[:, :3] + turn(axes, lowest) - shape.radius * normals
+            distance = ((nearest - points) * normals).sum(axis=1)
+            near = np.flatnonzero(distance < margin)
+            size, normal_a, points_a = distance[near], -normals[near], nearest[near]
+            points_b = points_a + size[:, np.newaxis] * normal_a
+            pair = np.full(len(near), number)
+            yield Contacts(near, pair, size, points_a, points_b, normal_a)
 
 
 def _pairs(description: Description, scene: Scene) -> Iterator[tuple[int, int]]:

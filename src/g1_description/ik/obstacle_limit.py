@@ -188,7 +188,7 @@ class ObstacleLimit(BatchLimit):
         self._surroundings, self._times = surroundings, times
         self._obstacles = surroundings.obstacles
         self._pairs = surroundings.obstacles.pair_rows
-        n_links = len(self._obstacles.names) - len(surroundings.scene)
+        n_links = self._obstacles.n_links
         self._movers = np.arange(n_links)
         self._movers[[*but_for]] = -1
         first = self._pairs[:, 0]

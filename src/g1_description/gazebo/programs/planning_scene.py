@@ -58,8 +58,8 @@ class PlanningScene:
                 rospy.logwarn("A message of MoveIt is not used: %s", error)
                 return
             self._scene = scene
-            for name, each in before.items():
-                if name not in scene or _text(scene[name]) != _text(each):
+            for name in before:
+                if name not in scene:
                     self._call(name, "delete_model", DeleteModel, name)
             for name, each in scene.items():
                 if each is not before.get(name):
@@ -67,11 +67,12 @@ class PlanningScene:
 
     def _change(self, before: SceneObject | None, each: SceneObject) -> None:
         """Spawn a model, or move, attach or detach it."""
-        name, pose = each.name, pose_from_array(each.pose)
-        if before is None or _text(before) != _text(each):
-            text = _text(each)
-            self._call(name, "spawn_sdf_model", SpawnModel, name, text, "", pose, "")
+        name, pose, text = each.name, pose_from_array(each.pose), _text(each)
+        if before is not None and _text(before) != text:
+            self._call(name, "delete_model", DeleteModel, name)
             before = None
+        if before is None:
+            self._call(name, "spawn_sdf_model", SpawnModel, name, text, "", pose, "")
         elif (before.pose != each.pose).any():
             state = ModelState(model_name=name, pose=pose)
             self._call(name, "set_model_state", SetModelState, state)
