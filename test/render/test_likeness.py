@@ -7,7 +7,7 @@ from conftest import REPOSITORY, VENDOR
 from g1_description.files.uris import with_absolute_uris
 from g1_description.render.camera import Camera, crop_around
 from g1_description.render.rasterizer import NOTHING
-from g1_description.render.scene import Scene, silhouette
+from g1_description.render.scene import Picture, silhouette
 from g1_description.robot.transform import IDENTITY
 from g1_description.robot.urdf import parse_urdf
 
@@ -24,7 +24,7 @@ def scenes():
     """Give ours and the vendor's, each alone."""
     if not VENDOR.exists():
         pytest.skip("the vendor's g1_29dof.urdf is not beside the repository")
-    found = [Scene(), Scene()]
+    found = [Picture(), Picture()]
     for scene, file in zip(found, (OURS, VENDOR)):
         text = with_absolute_uris(file.read_text(), file.parent)
         scene.add(parse_urdf(text))

@@ -15,9 +15,9 @@ from scipy.spatial.transform import Rotation
 
 from g1_description.render.camera import VIEWS, Camera, framing
 from g1_description.render.rasterizer import NOTHING, nearest, touching
-from g1_description.render.scene import Scene, draw, silhouette
+from g1_description.render.scene import Picture, draw, silhouette
 from g1_description.robot.urdf import parse_urdf
-from g1_description.scenes.scene import Scene as Around
+from g1_description.scenes.scene import Scene
 
 MIDDLE = np.array([0.0, 0.0, 0.66])
 OURS = REPOSITORY / "urdf" / "g1_29dof.urdf"
@@ -44,14 +44,14 @@ def body(geometry, xyz="0 0 0", color=None, name="shape"):
 
 @pytest.fixture
 def scene():
-    made = Scene()
+    made = Picture()
     yield made
 
 
 @pytest.fixture(scope="module")
 def g1_scene():
     """Give a scene of a G1, which tests place before they look at it."""
-    made = Scene()
+    made = Picture()
     made.add(parse_urdf(OURS.read_text()))
     yield made
 
@@ -265,10 +265,10 @@ def test_robots_are_told_apart_and_placed(scene):
 
 def test_objects_are_drawn_as_robots_are():
     geometry = '<box size="0.2 0.3 0.1"/>'
-    camera, objects, pictures = Camera(np.zeros(3), 0.3, 0.4, width=2.0), Around(), []
+    camera, objects, pictures = Camera(np.zeros(3), 0.3, 0.4, width=2.0), Scene(), []
     objects.box("box", [0.2, 0.3, 0.1], [5, 0, 0], color=[0.8, 0.4, 0.2])
     objects.plane("wall", [1, 0, 0], [0, 0, 0])
-    one, other = Scene(), Scene()
+    one, other = Picture(), Picture()
     one.add(body('<sphere radius="0.1"/>'))
     other.add(body('<sphere radius="0.1"/>'))
     one.add(body(geometry, color="0.8 0.4 0.2 1"))
@@ -322,8 +322,8 @@ def test_no_screen_is_needed():
         "import numpy as np\n"
         "from g1_description.render.camera import Camera\n"
         "from g1_description.render.scene import draw\n"
-        "from g1_description.render.scene import Scene\n"
-        "draw(Scene(), Camera(np.zeros(3), 0.0, 0.0, 1.0), 16, 16)\n"
+        "from g1_description.render.scene import Picture\n"
+        "draw(Picture(), Camera(np.zeros(3), 0.0, 0.0, 1.0), 16, 16)\n"
     )
     path = os.pathsep.join([str(SOURCE), *sys.path])
     environment = {**os.environ, "PYTHONPATH": path}

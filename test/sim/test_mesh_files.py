@@ -11,7 +11,7 @@ from dae import box, collada, node, use
 from waiting import DEADLINE
 
 from g1_description.render.camera import Camera
-from g1_description.render.scene import Scene, draw
+from g1_description.render.scene import Picture, draw
 from g1_description.robot.description import Shape
 from g1_description.robot.lumping import lump_fixed_joints
 from g1_description.robot.transform import IDENTITY
@@ -239,7 +239,7 @@ def test_each_material_of_a_dae_has_its_colour_whatever_the_urdf_says(tmp_path):
         collada(geometries, side_by_side("red", "blue"), colors=[RED, BLUE])
     )
     for color in ("", "0 1 0 1"):
-        scene = Scene()
+        scene = Picture()
         assert scene.add(parse_urdf(body(f"file://{file}", color=color))) == (0, ())
         seen = shades(scene, [[0, -0.5, 0], [0, 0.5, 0]], FRONT)
         assert_colors(seen, [[0.9, 0.1, 0.1], [0.1, 0.2, 0.9]])
@@ -260,7 +260,7 @@ def test_what_has_no_material_has_the_colour_of_the_urdf(tmp_path):
     names = ("x.dae", "x.stl", "text.stl")
     read(*(tmp_path / name for name in names))
     for name in names:
-        scene = Scene()
+        scene = Picture()
         mesh = f"file://{tmp_path / name}"
         scene.add(parse_urdf(body(mesh, color="0.2 0.8 0.4 1")))
         seen = shades(scene, [[0, -0.5, 0], [0, 0.5, 0]], FRONT)
@@ -290,7 +290,7 @@ def test_an_stl_without_normals_is_lit_as_with_them(tmp_path):
     read(*files)
     pictures = []
     for file in files:
-        scene = Scene()
+        scene = Picture()
         scene.add(parse_urdf(body(f"file://{file}", color="0.2 0.8 0.4 1")))
         pictures.append(draw(scene, FRONT, 100, 100).astype(int))
     for name, picture in zip(shapes, pictures):
@@ -313,7 +313,7 @@ def test_a_mirrored_mesh_is_drawn_as_what_it_becomes(tmp_path, kind, scale):
     drawn = []
     for name, size in ((f"solid.{kind}", scale), ("image.stl", (1, 1, 1))):
         text = body(f"file://{tmp_path / name}", scale="{} {} {}".format(*size))
-        scene = Scene()
+        scene = Picture()
         assert scene.add(parse_urdf(text)) == (0, ())
         drawn.append(draw(scene, FRONT, 100, 100).astype(int))
     differs = np.abs(drawn[0] - drawn[1]).max(axis=2) > 3
@@ -340,7 +340,7 @@ def test_materials_of_an_obj_have_their_colours_and_pictures_their_mean(tmp_path
         for face in ([1, 2, 4, 3], [5, 7, 8, 6], [1, 5, 6, 2], [3, 4, 8, 7]):
             lines += ["f " + " ".join(str(i + 8 * number) for i in face)]
     (tmp_path / "x.obj").write_text("\n".join(lines))
-    scene = Scene()
+    scene = Picture()
     scene.add(parse_urdf(body(f"file://{tmp_path}/x.obj")))
     seen = shades(scene, [[0, -0.5, 0], [0, 0.5, 0]], FRONT)
     assert_colors(seen, [[0.1, 0.2, 0.9], [100 / 255, 50 / 255, 0]])
@@ -355,7 +355,7 @@ def test_a_scale_may_mirror(make_world, tmp_path, kind, scale):
     text = body(f"file://{file}", scale=scale)
     factors = np.array([float(word) for word in scale.split()])
     wanted = np.sort(ball.bounds * factors, axis=0)
-    scene = Scene()
+    scene = Picture()
     assert scene.add(parse_urdf(text)) == (0, ())
     corners = scene.corners()
     seen = [corners.min(axis=0), corners.max(axis=0)]
@@ -436,7 +436,7 @@ def test_hostile_files_end_no_one_and_take_no_other_file_with_them(
     assert not [clause for clause in left_out if "good" in clause]
     (bomb,) = (clause for clause in left_out if "nodes.dae" in clause)
     assert bomb.endswith("cannot be read: it took more than 0.5 s of processor time")
-    scene = Scene()
+    scene = Picture()
     _, left_out = scene.add(parse_urdf(body(good[0], *names, good[1])))
     assert not [clause for clause in left_out if "good" in clause]
 

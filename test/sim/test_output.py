@@ -13,12 +13,12 @@ from g1_description.robot.urdf import parse_urdf
 from g1_description.robot.lumping import lump_fixed_joints
 from g1_description.sim.bullet.engine import BulletEngine
 from g1_description.sim.engine import PhysicsProperties
-from g1_description.render.scene import Scene
+from g1_description.render.scene import Picture
 from g1_description.sim.standing import standing_height
 robot = parse_urdf('{ROBOT}')
 BulletEngine("hold", PhysicsProperties()).close()
 standing_height(lump_fixed_joints(robot), np.array([0.0, 0.0, 0.0, 1.0]))
-scene = Scene()
+scene = Picture()
 scene.add(robot)
 """
 SPEAK = "import os; print('one', flush=True); os.system('echo two'); os.write(2, b'3')"

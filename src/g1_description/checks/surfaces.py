@@ -32,7 +32,7 @@ LEAST_AREA = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class LevelSurface:
     """A level surface that ends at a convex polygon."""
 
     row: int
@@ -156,7 +156,7 @@ class Surfaces:
         return np.where(is_top, found, -1)
 
 
-def _surfaces(obstacles: Obstacles, object_poses: np.ndarray) -> Iterator[Surface]:
+def _surfaces(obstacles: Obstacles, object_poses: np.ndarray) -> Iterator[LevelSurface]:
     """Yield the surfaces of all objects that are never carried."""
     objects = [*obstacles.scene.values()]
     for shape in obstacles.shapes:
@@ -170,10 +170,10 @@ def _surfaces(obstacles: Obstacles, object_poses: np.ndarray) -> Iterator[Surfac
                 normal = rotate(pose[3:], rotate(flat.pose[3:], np.array(flat.size)))
                 if normal[2] > UPRIGHT:
                     point = pose[:3] + rotate(pose[3:], flat.pose[:3])
-                    yield Surface(row, float(point[2]), REACH, None)
+                    yield LevelSurface(row, float(point[2]), REACH, None)
 
 
-def _top(shape: ConvexShape, row: int, pose: np.ndarray) -> Iterator[Surface]:
+def _top(shape: ConvexShape, row: int, pose: np.ndarray) -> Iterator[LevelSurface]:
     """Yield the top of a shape, if it is level."""
     points = pose[:3] + rotate(pose[3:], shape.points)
     height = float(points[:, 2].max())
@@ -182,7 +182,7 @@ def _top(shape: ConvexShape, row: int, pose: np.ndarray) -> Iterator[Surface]:
     area = 0.5 * (x * np.roll(y, -1) - np.roll(x, -1) * y).sum()
     if area >= LEAST_AREA:
         thickness = float(np.ptp(points[:, 2]))
-        yield Surface(row, height, min(REACH, thickness / 2), corners)
+        yield LevelSurface(row, height, min(REACH, thickness / 2), corners)
 
 
 def _edges(corners: np.ndarray | None) -> np.ndarray:

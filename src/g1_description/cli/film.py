@@ -20,7 +20,7 @@ from g1_description.errors import InvalidValueError
 from g1_description.files.atomic import write_whole
 from g1_description.motion.motion import Motion, configuration
 from g1_description.render.camera import VIEWS, Camera, framing
-from g1_description.render.scene import Scene
+from g1_description.render.scene import Picture
 from g1_description.robot.assembly import root_in_base
 from g1_description.robot.description import Description
 from g1_description.robot.transform import IDENTITY, compose, inverse
@@ -188,7 +188,7 @@ class Moment(NamedTuple):
 
 
 def frame(
-    scene: Scene,
+    scene: Picture,
     moments: Sequence[Moment],
     view: str,
     size: tuple[int, int],
@@ -222,7 +222,7 @@ def frame(
     return framing(points, *VIEWS[view], size[0] / size[1]), floor
 
 
-def place(scene: Scene, moment: Moment) -> None:
+def place(scene: Picture, moment: Moment) -> None:
     """Place all robots and objects; without a base, a root is at the origin."""
     for number, (root, positions) in enumerate(moment.robots):
         scene.place(number, IDENTITY if root is None else root, positions)

@@ -52,8 +52,7 @@ from g1_description.motion.files.source import ReadOptions
 from g1_description.motion.motion import Motion, configuration, sample
 from g1_description.render.camera import VIEWS
 from g1_description.render.page import motion_page
-from g1_description.render.scene import Scene as Picture
-from g1_description.render.scene import draw
+from g1_description.render.scene import Picture, draw
 from g1_description.robot.description import Description
 from g1_description.robot.load import read_description
 from g1_description.robot.poses import check_limits

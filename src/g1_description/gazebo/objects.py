@@ -39,7 +39,7 @@ from g1_description.sim.world import World
 PERIOD = 0.04
 """Shortest time between two messages of a topic, in [s] of wall time."""
 
-REST = 9.0
+PAUSE_FACTOR = 9.0
 """Shortest time from one message to the next, as a multiple of that spent on the first:
 many objects take at most a tenth of the loop."""
 
@@ -56,7 +56,7 @@ QUEUE_SIZE = 100
 UP = (0.0, 0.0, 1.0)
 
 
-class _Topic(DirectPublisher):
+class _ObjectTopic(DirectPublisher):
     """A topic that knows of new subscribers."""
 
     def __init__(self, name: str, kind: type) -> None:
@@ -64,11 +64,11 @@ class _Topic(DirectPublisher):
         super().__init__(name, kind, QUEUE_SIZE, on_newcomer=self._newcomer.set)
 
     @property
-    def is_heard(self) -> bool:
+    def has_subscribers(self) -> bool:
         """Whether there are subscribers."""
         return self.get_num_connections() > 0
 
-    def takes_newcomers(self) -> bool:
+    def takes_new_subscribers(self) -> bool:
         """Return whether subscribers have come since the last call."""
         has_some = self._newcomer.is_set()
         self._newcomer.clear()
@@ -90,9 +90,9 @@ class ObjectTopics:
         self._objects: Objects | None = None
         self._sent = np.zeros((0, 7))
         self._encoder = LinkStatesEncoder()
-        self._scene = _Topic("~scene", String)
-        self._states = _Topic("~object_states", LinkStates)
-        self._markers = _Topic("~world_markers", MarkerArray)
+        self._scene = _ObjectTopic("~scene", String)
+        self._states = _ObjectTopic("~object_states", LinkStates)
+        self._markers = _ObjectTopic("~world_markers", MarkerArray)
         self._topics = self._scene, self._states, self._markers
 
     def publish(self) -> None:
@@ -101,7 +101,7 @@ class ObjectTopics:
         if now < self._due:
             return
         self._due = now + PERIOD
-        if not any(topic.is_heard for topic in self._topics):
+        if not any(topic.has_subscribers for topic in self._topics):
             self._objects = None
             return
         for topic in self._topics:
@@ -111,7 +111,7 @@ class ObjectTopics:
             objects = self._objects = Objects(self._world, self._log)
         self._publish(objects, before, now)
         spent = time.monotonic() - now
-        self._due = now + max(PERIOD, (1.0 + REST) * spent)
+        self._due = now + max(PERIOD, (1.0 + PAUSE_FACTOR) * spent)
 
     def _publish(self, objects: Objects, before: Objects | None, now: float) -> None:
         """Publish objects; ``before`` are those of the last time."""
@@ -122,10 +122,12 @@ class ObjectTopics:
         self._sent = (
             np.where(moved[:, None], poses, self._sent) if not is_new else poses
         )
-        if self._scene.takes_newcomers() or (is_new and self._scene.is_heard):
+        if self._scene.takes_new_subscribers() or (
+            is_new and self._scene.has_subscribers
+        ):
             self._scene.publish(String(sdf_of(objects.at(poses))))
-        rows = every if self._states.takes_newcomers() else moved
-        if rows.any() and self._states.is_heard:
+        rows = every if self._states.takes_new_subscribers() else moved
+        if rows.any() and self._states.has_subscribers:
             names = objects.names
             if not rows.all():
                 names = tuple(name for name, is_sent in zip(names, rows) if is_sent)
@@ -133,8 +135,8 @@ class ObjectTopics:
             self._states.publish(ready(data))
         is_due = now > self._refreshed + REFRESH_PERIOD
         self._refreshed = now if is_due else self._refreshed
-        is_whole = self._markers.takes_newcomers() or is_due
-        if self._markers.is_heard:
+        is_whole = self._markers.takes_new_subscribers() or is_due
+        if self._markers.has_subscribers:
             markers = objects.markers.at(poses, every if is_whole else moved)
             if is_new and before:
                 gone = dict.fromkeys(before.markers.keys)

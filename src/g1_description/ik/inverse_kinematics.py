@@ -22,7 +22,7 @@ from g1_description.ik.limits import (
     LinkPart,
     link_parts,
 )
-from g1_description.ik.obstacle_limit import ObstacleLimit, Surroundings
+from g1_description.ik.obstacle_limit import ObstacleLimit, ObstacleScene
 from g1_description.ik.options import (
     BALANCE_MARGIN,
     BALANCE_SHARE,
@@ -116,7 +116,7 @@ class InverseKinematics:
             n: at for n, at in profile.points.items() if at.link in self.links
         }
         self._feet = {self.links.index(link) for link in feet}
-        self._last: Surroundings | None = None
+        self._last: ObstacleScene | None = None
 
     def solve(
         self,
@@ -275,10 +275,10 @@ class InverseKinematics:
         assert self._make_collisions is not None
         return DistanceLimit(self._description, self._make_collisions(), DISTANCE)
 
-    def surroundings(self, scene: Scene) -> Surroundings:
+    def surroundings(self, scene: Scene) -> ObstacleScene:
         """Prepare the shapes of objects, unless they are those of the last call."""
         if self._last is None or not self._last.is_for(scene):
-            self._last = Surroundings(self._description, scene)
+            self._last = ObstacleScene(self._description, scene)
         return self._last.moved(scene)
 
     def _course(self, times: np.ndarray, start: Configuration) -> Course:

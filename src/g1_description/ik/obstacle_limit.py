@@ -67,7 +67,7 @@ class Held(NamedTuple):
         return found
 
 
-class Surroundings:
+class ObstacleScene:
     """The objects around a robot, and what holds them."""
 
     def __init__(self, description: Description, scene: Scene) -> None:
@@ -89,7 +89,7 @@ class Surroundings:
             for now, before in zip(scene.values(), self.scene.values())
         )
 
-    def moved(self, scene: Scene) -> Surroundings:
+    def moved(self, scene: Scene) -> ObstacleScene:
         """Return them with the objects where they are in another scene."""
         found = copy(self)
         found.scene = scene.copy()
@@ -172,7 +172,7 @@ class ObstacleLimit(BatchLimit):
 
     def __init__(
         self,
-        surroundings: Surroundings,
+        surroundings: ObstacleScene,
         times: np.ndarray,
         but_for: Collection[int] = (),
         feet: Collection[int] = (),

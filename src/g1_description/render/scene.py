@@ -76,7 +76,7 @@ class _Piece(NamedTuple):
     color: tuple[float, ...]
 
 
-class Scene:
+class Picture:
     """Robots and objects in the world."""
 
     def __init__(self) -> None:
@@ -381,7 +381,7 @@ def blur(fractions: np.ndarray, reach: int) -> np.ndarray:
 
 
 def draw(
-    scene: Scene, camera: Camera, width: int, height: int, floor: float = 0.0
+    scene: Picture, camera: Camera, width: int, height: int, floor: float = 0.0
 ) -> np.ndarray:
     """Draw a scene on a floor.
 
@@ -420,7 +420,7 @@ def draw(
     return np.clip(np.round(behind), 0, 255).astype(np.uint8)
 
 
-def silhouette(scene: Scene, camera: Camera, width: int, height: int) -> np.ndarray:
+def silhouette(scene: Picture, camera: Camera, width: int, height: int) -> np.ndarray:
     """Find the pixels that show a robot.
 
     Args:
