@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -119,10 +120,8 @@ class PathKinematics(InverseKinematics):
         """
         _check_times(times)
         start = self._configuration(positions, base)
-        found, course = self._followed(times, targets, options, start, None)
-        for _ in range(ROUNDS - 1 if has_carried(targets, options.scene) else 0):
-            found, course = self._followed(times, targets, options, start, course)
-        return found
+        follow = partial(self._followed, times, targets, options, start)
+        return _last_round(follow, has_carried(targets, options.scene))
 
     def _followed(
         self,
@@ -194,11 +193,8 @@ class PathKinematics(InverseKinematics):
             at_rest = replace(options, balance=True) if is_of_zmp else options
             return self.path(times, targets, positions, base, at_rest)
         start = self._configuration(positions, base)
-        given = times, targets, options, bounds, start
-        found, course = self._smooth(*given, None)
-        for _ in range(ROUNDS - 1 if has_carried(targets, options.scene) else 0):
-            found, course = self._smooth(*given, course)
-        return found
+        follow = partial(self._smooth, times, targets, options, bounds, start)
+        return _last_round(follow, has_carried(targets, options.scene))
 
     def _smooth(
         self,
@@ -268,6 +264,16 @@ class PathKinematics(InverseKinematics):
             np.array([result.positions for result in results]),
             base_poses=np.array([result.base for result in results]),
         )
+
+
+def _last_round(
+    follow: Callable[[Course | None], tuple[IkPath, Course]], is_repeated: bool
+) -> IkPath:
+    """Follow targets, and again relative to objects as links carried them before."""
+    found, course = follow(None)
+    for _ in range(ROUNDS - 1 if is_repeated else 0):
+        found, course = follow(course)
+    return found
 
 
 def _check_times(times: np.ndarray) -> None:

@@ -189,7 +189,7 @@ class Rows:
 
     @cached_property
     def _ends(self) -> np.ndarray:
-        """Where the limits of each sample begin, and the last ones end."""
+        """Rows of the first limit of each sample, and the number of all, (n + 1,)."""
         return np.searchsorted(self.samples, np.arange(self.weights.shape[0] + 1))
 
     def values(self, points: np.ndarray) -> np.ndarray:

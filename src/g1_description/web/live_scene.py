@@ -146,10 +146,8 @@ class LiveScene:
 
     def scene(self) -> Scene:
         """Return the scene, as it is to be saved."""
-        objects, poses = self.shown()
-        return Scene(
-            [replace(one.object, pose=poses[name]) for name, one in objects.items()]
-        )
+        placed = None if self._present is None else self._present.placed()
+        return placed or Scene()
 
     def load(self, scene: Scene) -> None:
         """Replace all objects."""

@@ -80,9 +80,7 @@ class ReachPanel(RobotPanel):
             "Balance", True, hint="centre of mass above the feet that stay"
         )
         self._avoid = gui.add_checkbox(
-            "Avoid collisions",
-            False,
-            hint="links keep 2 mm from each other and from objects",
+            "Avoid collisions", False, hint="links keep 2 mm from all, objects too"
         )
         self._changes = gui.add_button_group("Change", [UNDO, REDO, MIRROR])
         self._pose = gui.add_dropdown(

@@ -30,16 +30,13 @@ class Looks:
 
     def __init__(self) -> None:
         self._known: dict[Hashable, Sequence[Patch]] = {}
-        self.left_out: tuple[str, ...] = ()
-        """Messages on meshes that cannot be used."""
 
     def of(self, objects: Collection[SceneObject]) -> dict[str, SeenObject]:
         """Find the triangles of objects, by name; those of others are forgotten."""
         shapes = object_shapes(objects)
         keys = {name: tuple(map(_key, some)) for name, some in shapes.items()}
         new = {key: name for name, key in keys.items() if key not in self._known}
-        patches, messages = patches_of({name: shapes[name] for name in new.values()})
-        self.left_out = messages
+        patches, _ = patches_of({name: shapes[name] for name in new.values()})
         found = {key: patches.get(name, ()) for key, name in new.items()}
         self._known = {
             key: found[key] if key in found else self._known[key]
