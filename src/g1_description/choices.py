@@ -4,6 +4,9 @@ from __future__ import annotations
 
 PHYSICS = ("kinematic", "hold", "limp")
 
+GAZEBO = "/gazebo"
+"""The name of the simulator, if no other is given."""
+
 ENGINE_LIBRARIES = {"bullet": "PyBullet", "mujoco": "MuJoCo"}
 """The libraries of the physics engines."""
 

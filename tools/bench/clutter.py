@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from itertools import islice
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from g1_description.collisions.obstacles import Obstacles
 from g1_description.ik.inverse_kinematics import InverseKinematics
 from g1_description.ik.options import IkOptions
 
-from .ik import HANDS, random_stands
+from .ik import HANDS, random_stands, step_times
 
 COUNT = 20
 CLEARANCE = 0.003  # [m] of the objects at the start and the configuration to be found
@@ -125,11 +124,6 @@ def _steps(bench, made, start, base, avoids):
     for scene, target in made:
         given = scene if avoids else None
         options = IkOptions(balance=True, avoid_collisions=True, scene=given)
-        steps = inverse.pieces(target, start, base, options, starts=1, most=1)
-        next(steps)  # the start itself
-        begin = time.process_time()
-        for _ in islice(steps, 25):
-            times.append(time.process_time() - begin)
-            begin = time.process_time()
+        times += step_times(inverse, target, start, base, options)
     name = f"a step with {COUNT if avoids else 'no'} objects"
     bench.add_times(name, times)

@@ -99,17 +99,23 @@ def _steps(bench, targets, start, base, collisions):
     pelvis = base - [0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 0.0]
     for target in targets:
         wanted = {**target, "head": [0.05, 0.0, 1.1], "pelvis": pelvis}
-        steps = inverse.pieces(wanted, start, base, options, starts=1, most=1)
-        next(steps)  # the start itself
-        begin = time.process_time()
-        for _ in islice(steps, 25):
-            times.append(time.process_time() - begin)
-            begin = time.process_time()
+        times += step_times(inverse, wanted, start, base, options)
     name = f"a step with four targets and balance{' and distances' * collisions}"
     bench.add(
         f"{name}, median", 1e3 * np.median(times), "ms", f"< {15 if collisions else 5}"
     )
     bench.add(f"{name}, 99th percentile", 1e3 * np.percentile(times, 99), "ms")
+
+
+def step_times(inverse, targets, start, base, options):
+    """Measure single steps of a search, in [s] of processor time."""
+    steps = inverse.pieces(targets, start, base, options, starts=1, most=1)
+    next(steps)  # the start itself
+    times, begin = [], time.process_time()
+    for _ in islice(steps, 25):
+        times.append(time.process_time() - begin)
+        begin = time.process_time()
+    return times
 
 
 def _pink(bench, targets, start, base):

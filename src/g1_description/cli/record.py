@@ -18,6 +18,7 @@ import rosgraph
 import rospy
 
 from g1_description.bridge.recorded_file import ENDINGS, room_of, write_motion_file
+from g1_description.choices import GAZEBO
 from g1_description.cli.options import namespace
 from g1_description.cli.recorder import BridgeStates, Recorder, SimulatorStates
 from g1_description.cli.start import time_entered
@@ -52,8 +53,6 @@ respawned."""
 
 QUIET = 2.0
 """Time without states after which a message is printed, in [s]."""
-
-GAZEBO = "/gazebo"
 
 POLL_PERIOD = 0.05
 """Polling period, in [s]."""

@@ -15,6 +15,7 @@ from typing import Callable
 import rosgraph
 import rospy
 
+from g1_description.choices import GAZEBO
 from g1_description.cli.film import Moment, count, placed
 from g1_description.robot.description import Description
 from g1_description.ros.lifecycle import no_master, start_node
@@ -28,9 +29,6 @@ JOINTS_TIMEOUT = 10.0
 
 BASE_TIMEOUT = 2.0
 """Longest wait for the base once the joints are known, in [s]."""
-
-GAZEBO = "gazebo"
-"""Namespace of the simulator."""
 
 OBJECTS_TIMEOUT = 2.0
 """Longest wait for the objects of the simulator, in [s]."""
@@ -98,7 +96,7 @@ def _present_objects(notify: Callable[[str], None]) -> PresentObjects:
     """Wait for the objects of a simulator that has some."""
     objects = PresentObjects(GAZEBO, notify)
     topics = [name for name, _ in rospy.get_published_topics()]
-    if f"/{GAZEBO}/scene" in topics:
+    if f"{GAZEBO}/scene" in topics:
         wait_until(lambda: objects.newest()[0] is not None, OBJECTS_TIMEOUT)
     return objects
 

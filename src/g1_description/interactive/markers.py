@@ -25,6 +25,7 @@ from visualization_msgs.msg import (
 
 from g1_description.checker.markers import KINDS, MarkerMaker
 from g1_description.checks.marks import ORANGE
+from g1_description.choices import GAZEBO
 from g1_description.collisions.self_collisions import SelfCollisions
 from g1_description.errors import G1DescriptionError, InvalidValueError, MotionError
 from g1_description.ik.posing import Posing
@@ -310,7 +311,7 @@ class InteractiveMarkers:
         """Avoid collisions, or no longer; their first use prepares them."""
         self._switch("avoid_collisions")
         if self._objects is None:
-            self._objects = PresentObjects("/gazebo", partial(rospy.logwarn, "%s"))
+            self._objects = PresentObjects(GAZEBO, partial(rospy.logwarn, "%s"))
         if self._posing.avoid_collisions and not self._posing.is_prepared:
             rospy.loginfo("Preparing the shapes of the links to avoid collisions.")
             threading.Thread(target=self._prepare, daemon=True).start()

@@ -15,6 +15,7 @@ import rospy
 from gazebo_msgs.msg import ModelState
 from gazebo_msgs.srv import SetModelState
 
+from g1_description.choices import GAZEBO
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.robot.transform import IDENTITY
@@ -27,8 +28,6 @@ from g1_description.scenes.carried import (
 )
 from g1_description.scenes.scene import Scene
 from g1_description.srv import AttachObject, DetachObject
-
-GAZEBO = "/gazebo"
 
 
 class Carrying:

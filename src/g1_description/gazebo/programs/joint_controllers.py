@@ -25,6 +25,7 @@ from robot_msgs.msg import MotorCommand, MotorState
 from sensor_msgs.msg import JointState
 
 from g1_description.bounds import MAX_VALUE
+from g1_description.choices import GAZEBO
 from g1_description.command_line import OneSentenceParser, own_arguments
 from g1_description.errors import G1DescriptionError, UnknownNameError
 from g1_description.msg import MotorCommands, MotorStates
@@ -32,9 +33,6 @@ from g1_description.ros.conversions import COMMAND_FIELDS
 from g1_description.ros.lifecycle import start_node
 from g1_description.ros.log import SHORT_PERIOD, ThrottledLog
 from g1_description.text import listed, similar_first
-
-GAZEBO = "/gazebo"
-"""Name of the simulator."""
 
 ALL_JOINTS = "joint_state_controller"
 """The controller that publishes the states of all joints."""

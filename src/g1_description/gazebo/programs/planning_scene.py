@@ -20,9 +20,9 @@ from gazebo_msgs.msg import ModelState
 from gazebo_msgs.srv import DeleteModel, SetModelState, SpawnModel
 from roslib.message import get_message_class
 
+from g1_description.choices import GAZEBO
 from g1_description.errors import G1DescriptionError
 from g1_description.gazebo.programs.spawn_model import GazeboServices
-from g1_description.gazebo.programs.spawn_robot import GAZEBO
 from g1_description.robot.transform import IDENTITY
 from g1_description.ros.conversions import pose_from_array
 from g1_description.ros.lifecycle import start_node

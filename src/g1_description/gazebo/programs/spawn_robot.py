@@ -30,6 +30,7 @@ from gazebo_msgs.srv import (
 )
 from std_srvs.srv import Empty
 
+from g1_description.choices import GAZEBO
 from g1_description.errors import G1DescriptionError
 from g1_description.gazebo.parameters import (
     SpawnerParameters,
@@ -43,9 +44,6 @@ from g1_description.ros.lifecycle import start_node
 from g1_description.ros.parameters import read_parameters
 from g1_description.ros.waiting import wait_until
 from g1_description.srv import SetAnchor
-
-GAZEBO = "/gazebo"
-"""Name of the node, and namespace of its services."""
 
 SERVICES = (
     "spawn_urdf_model",

@@ -14,10 +14,10 @@ import numpy as np
 import rospy
 from gazebo_msgs.srv import SpawnModel
 
+from g1_description.choices import GAZEBO
 from g1_description.errors import G1DescriptionError
 from g1_description.gazebo.programs.spawn_model import GazeboServices
 from g1_description.gazebo.programs.spawn_robot import (
-    GAZEBO,
     address_of_gazebo,
     wait_for_another,
 )
