@@ -68,6 +68,7 @@ from g1_description.text import listed, similar_first
 if TYPE_CHECKING:
     from g1_description.checks.checker import Checker
     from g1_description.checks.comparison import Comparison
+    from g1_description.checks.contact_forces import ContactForces
     from g1_description.checks.verdict import Verdict
     from g1_description.collisions.contacts import Contacts
     from g1_description.collisions.self_collisions import SelfCollisions
@@ -921,6 +922,29 @@ class Robot:
         """
         checker = self.checker(thresholds, fixed_base, scene=scene)
         return checker.check(self._fitted(motion), _names(only))
+
+    def contact_forces(
+        self,
+        motion: MotionLike | str | PathLike[str],
+        thresholds: ThresholdValues = None,
+        scene: SceneOrFile = None,
+    ) -> ContactForces:
+        """Find the forces of the floor that a motion needs, and what is missing.
+
+        Args:
+            motion: The motion with its base, or its file; a configuration is at rest.
+            thresholds: As for ``check``.
+            scene: As for ``check``.
+
+        Returns:
+            Forces on links, efforts of joints, and what no contact can give.
+
+        Raises:
+            MotionError: If the motion has no base, too few samples per second, or does
+                not fit the robot.
+            G1DescriptionError: If a file or threshold is wrong.
+        """
+        return self.checker(thresholds, scene=scene).contact_forces(self._fitted(motion))
 
     def write_page(
         self,

@@ -9,12 +9,19 @@ from typing import Any
 
 import numpy as np
 
+from g1_description.checks.contact_forces import ContactForces
 from g1_description.checks.ground_samples import drifts
 from g1_description.checks.intervals import intervals, time_share
 from g1_description.checks.measured import CheckedRobot, Measured
 from g1_description.checks.measuring import measure
 from g1_description.checks.rule import Rule
 from g1_description.checks.rules import RULES
+from g1_description.checks.rules.forces import (
+    CONTACT_FORCES,
+    force_figures,
+    forces,
+    too_slow,
+)
 from g1_description.checks.rules.ground import slides
 from g1_description.checks.rules.jumps import near_jumps
 from g1_description.checks.rules.limits import check_bounds, zero_limits
@@ -31,7 +38,7 @@ from g1_description.checks.verdict import Verdict, sorted_findings, with_causes
 from g1_description.collisions.find_pairs import collisions_of
 from g1_description.collisions.obstacles import Obstacles
 from g1_description.collisions.self_collisions import SelfCollisions
-from g1_description.errors import G1DescriptionError, UnknownNameError
+from g1_description.errors import G1DescriptionError, MotionError, UnknownNameError
 from g1_description.motion.motion import (
     Motion,
     MotionLike,
@@ -188,6 +195,17 @@ class Checker:
             measured.velocities = motion.velocities
         return self._verdict(measured, rules, ())
 
+    def contact_forces(self, motion: Motion) -> ContactForces:
+        """Find the contact forces that a motion needs, as ``Robot.contact_forces``.
+
+        Raises:
+            MotionError: If they cannot be found.
+        """
+        why = self._robot.lacks("forces", motion) or too_slow(self._robot, motion)
+        if why:
+            raise MotionError(f"Contact forces are unknown: {why}.")
+        return measure(self._robot, motion, ("forces",), {}).once(forces)
+
     def _rules(
         self, motion: Motion, only: Collection[str], physics: bool
     ) -> dict[Rule, str]:
@@ -291,14 +309,14 @@ def _figures(measured: Measured) -> dict[str, float]:
         if touches.any():
             distances = drifts(measured.ground.steps, touches)
             found["largest_drift"] = float(np.nanmax(distances))
+    is_made = not CONTACT_FORCES.skipped(measured.robot, measured.motion)
+    if is_made and measured.wrench is not None:
+        found.update(force_figures(measured))
     found.update(_distances(measured))
     if measured.heights is not None:
         found["lowest_height"] = float(measured.heights.min())
-    if balance is not None:
-        for name in ("center_margin", "zmp_margin"):
-            margins = getattr(balance, name)
-            if np.isfinite(margins).any():
-                found[f"least_{name}"] = float(np.nanmin(margins))
+    if balance is not None and np.isfinite(balance.center_margin).any():
+        found["least_center_margin"] = float(np.nanmin(balance.center_margin))
     if measured.played is not None:
         found.update(physics_figures(measured.played))
     return found

@@ -140,7 +140,8 @@ class Ground:
             _steps(link_poses[:, self.rows[used]], place),
             speed[:, used],
             owner,
-            points[:, :2],
+            points + np.array([0.0, 0.0, limits.floor_height]),
+            low_heights,
             None if below is None else below[:, used],
             None if below is None else _levels(owner[0], points, low_heights, shape[0]),
         )
@@ -238,7 +239,6 @@ class Ground:
         moved = [piece.low + offset for piece, offset in zip(pieces, offsets)]
         low = np.concatenate(moved, axis=1)
         low[1] = np.searchsorted(columns, low[1])
-        points = np.concatenate([piece.low_points for piece in pieces])
         lowest, slide, moves, steps, speed = (
             _spread(pieces, name, columns)
             for name in ("lowest", "slide", "moves", "steps", "speed")
@@ -246,7 +246,11 @@ class Ground:
         gaps = np.diff(times, append=times[-1])[:, np.newaxis, np.newaxis]
         steps = np.where(np.isnan(steps), gaps * moves, steps)
         in_contact = self._contacts(heights, speed, times, self._is_end[columns])
-        support = _support(low, points, in_contact)
+        order = np.argsort(low[0], kind="stable")
+        points, above = (
+            np.concatenate([getattr(piece, name) for piece in pieces])[order]
+            for name in ("low_points", "low_heights")
+        )
         below = level = None
         if pieces[0].below is not None:
             below, level = (
@@ -254,7 +258,17 @@ class Ground:
                 np.concatenate([piece.level for piece in pieces]),
             )
         return GroundSamples(
-            columns, heights, lowest, slide, steps, in_contact, support, below, level
+            columns,
+            heights,
+            lowest,
+            slide,
+            steps,
+            in_contact,
+            low[:, order],
+            points,
+            above,
+            below,
+            level,
         )
 
     def _contacts(
@@ -293,6 +307,24 @@ class Ground:
             stood[:] = without_short(times, stood, limits.shortest_contact)
         return in_contact
 
+    def lonely(self, samples: GroundSamples, times: np.ndarray) -> np.ndarray:
+        """Mark the lowest foot or hand near the floor while none supports the robot.
+
+        Args:
+            samples: How the robot stands.
+            times: Times of the samples in [s], shape (n,).
+
+        Returns:
+            Shape (n, n_links).
+        """
+        heights = samples.heights
+        lowest = heights <= heights.min(axis=1, keepdims=True)
+        lowest &= self._is_end[samples.columns]
+        lowest &= heights <= self._thresholds.support_height
+        is_lonely = lowest.any(axis=1) & ~samples.in_contact.any(axis=1)
+        is_lonely = without_short(times, is_lonely, SLIDE_WINDOW)
+        return np.asarray(lowest & is_lonely[:, np.newaxis])
+
     def sliding(
         self, samples: GroundSamples, times: np.ndarray, is_unknown: np.ndarray
     ) -> np.ndarray:
@@ -314,12 +346,7 @@ class Ground:
         """
         heights, limits = samples.heights, self._thresholds
         touches = samples.in_contact & (heights <= limits.contact_height)
-        lowest = heights <= heights.min(axis=1, keepdims=True)
-        lowest &= self._is_end[samples.columns]
-        lowest &= heights <= limits.support_height
-        is_lonely = lowest.any(axis=1) & ~samples.in_contact.any(axis=1)
-        is_lonely = without_short(times, is_lonely, SLIDE_WINDOW)
-        touches |= lowest & is_lonely[:, np.newaxis]
+        touches |= self.lonely(samples, times)
         touches &= ~is_unknown[:, np.newaxis]
         found = np.full(touches.shape, np.nan)
         for column in np.flatnonzero(touches.any(axis=0)):
@@ -424,15 +451,3 @@ def _spread(
         found[first : first + len(part), np.searchsorted(columns, piece.columns)] = part
         first += len(part)
     return found
-
-
-def _support(
-    low: np.ndarray, points: np.ndarray, in_contact: np.ndarray
-) -> list[np.ndarray]:
-    """Sort the low points, shape (k, 2), of links in contact by their samples."""
-    sample, column = low
-    is_kept = in_contact[sample, column]
-    sample, points = sample[is_kept], points[is_kept]
-    order = np.argsort(sample, kind="stable")
-    ends = np.searchsorted(sample[order], np.arange(1, len(in_contact)))
-    return np.split(points[order], ends)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -49,7 +50,10 @@ class GroundPiece:
     link into ``Ground.rows``, shape (2, n_points)."""
 
     low_points: np.ndarray
-    """These points, along the map's x and y, in [m], shape (n_points, 2)."""
+    """These points in the map, in [m], shape (n_points, 3)."""
+
+    low_heights: np.ndarray
+    """Their heights above what is below, in [m], shape (n_points,)."""
 
     below: np.ndarray | None
     """Rows of the objects below the links of ``columns``, -1 for the floor, shape
@@ -76,12 +80,26 @@ class GroundSamples:
     in_contact: np.ndarray
     """Whether a link supports the robot, shape (n, k)."""
 
-    support: list[np.ndarray]
-    """Points of contact along the map's x and y, in [m], shape (n_points, 2) per
-    sample."""
+    low: np.ndarray
+    """For each point low enough to support the robot: its sample, and its link as a
+    column of ``heights``, shape (2, n_points); samples rise."""
+
+    low_points: np.ndarray
+    """These points in the map, in [m], shape (n_points, 3)."""
+
+    low_heights: np.ndarray
+    """Their heights above what is below, in [m], shape (n_points,)."""
 
     below: np.ndarray | None
     level: np.ndarray | None
+
+    @cached_property
+    def support(self) -> list[np.ndarray]:
+        """Points of contact along x and y in [m], shape (n_points, 2) per sample."""
+        is_support = self.in_contact[self.low[0], self.low[1]]
+        rows = np.arange(1, len(self.heights))
+        ends = np.searchsorted(self.low[0, is_support], rows)
+        return np.split(self.low_points[is_support, :2], ends)
 
 
 def drifts(steps: np.ndarray, touches: np.ndarray) -> np.ndarray:

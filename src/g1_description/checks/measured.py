@@ -79,7 +79,8 @@ class CheckedRobot:
             need: One of ``Rule.needs``.
             motion: The motion.
         """
-        on_floor = need in ("base", "ground", "balance")
+        on_floor = need in ("base", "ground", "balance", "forces")
+        on_floor |= need == "efforts" and not self.is_fixed
         is_moving = need == "neighbours"
         if need == "velocities":
             is_moving = motion.velocities is None
@@ -91,10 +92,8 @@ class CheckedRobot:
             "the robot has no shapes": on_floor
             and need != "base"
             and not len(self.ground.rows),
-            "the robot has no mass": need in ("balance", "efforts")
+            "the robot has no mass": need in ("balance", "forces", "efforts")
             and not self.masses.total > 0.0,
-            "the base is free; saturation, with --physics, checks it": need == "efforts"
-            and not self.is_fixed,
             "no pair of links needs checking": need == "pairs"
             and not self.collisions.pairs,
             "there is only one configuration": is_moving and len(motion.times) == 1,
@@ -146,8 +145,11 @@ class Measured:
         self.balance: Balance | None = None
         """None if the motion has no base or the robot no mass."""
         self.efforts: np.ndarray | None = None
-        """Efforts of all joints if the base is fixed, in [N m] or [N], shape (n,
-        n_joints)."""
+        """Efforts of all joints without contacts, as of a fixed base, in [N m] or [N],
+        shape (n, n_joints)."""
+        self.wrench: np.ndarray | None = None
+        """What the motion needs at the root: force, and moment about the map's origin,
+        in [N] and [N m], shape (n, 6)."""
         self.power: np.ndarray | None = None
         """Change of the robot's kinetic and potential energy in [W], shape (n,); with a
         fixed base, the power of all joints."""

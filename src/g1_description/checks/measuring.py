@@ -12,7 +12,6 @@ from g1_description.checks.support import (
     Balance,
     long_still,
     margins,
-    zero_moment_points,
 )
 from g1_description.checks.surroundings import Surroundings
 from g1_description.checks.thresholds import Thresholds
@@ -40,8 +39,8 @@ def measure(
     Args:
         robot: The robot.
         motion: Trajectory of joints that it has.
-        needs: ``ground``, ``center``, ``balance``, ``efforts``, ``objects``; others are
-            ignored.
+        needs: ``ground``, ``center``, ``balance``, ``efforts``, ``forces``,
+            ``objects``; others are ignored.
         own: Measurements of rules, by name.
         objects: Poses of the objects in the map if they are not those of the scene,
             shape (n_objects, 7).
@@ -69,7 +68,8 @@ def measure(
         is_array = isinstance(values[0], np.ndarray)
         join = np.concatenate if is_array else Contacts.joined
         found.own[name] = join(values)
-    found.efforts, found.power = joined("efforts"), joined("power")
+    found.efforts, found.wrench = joined("efforts"), joined("wrench")
+    found.power = joined("power")
     if "ground" in pieces[0]:
         grounds = [piece["ground"] for piece in pieces]
         found.ground = robot.ground.samples(grounds, found.times)
@@ -78,11 +78,11 @@ def measure(
         rows = robot.ground.rows[found.ground.columns] if found.ground else np.zeros(0)
         around = found.surroundings
         found.near_objects = around.without_supports(near, found.ground, rows)
-    center, zmp, is_still = joined("center"), joined("zmp"), joined("is_still")
-    if not (found.ground is None or center is None or zmp is None or is_still is None):
-        of_center, of_zmp = margins(found.ground.support, center[:, :2], zmp)
+    center, is_still = joined("center"), joined("is_still")
+    if not (found.ground is None or center is None or is_still is None):
+        inside = margins(found.ground.support, center[:, :2])
         still = long_still(found.times, is_still)
-        found.balance = Balance(center, of_center, of_zmp, still)
+        found.balance = Balance(center, inside, still)
     return found
 
 
@@ -105,12 +105,12 @@ def _piece(
         if isinstance(values, Contacts):
             values.sample[:] += piece.start
     is_on_floor = not robot.lacks("ground", motion.motion)
-    if {"ground", "balance"} & set(needs) or (surfaces is not None and is_on_floor):
+    from_floor = {"ground", "balance", "forces", "efforts"} & set(needs)
+    if is_on_floor and (from_floor or surfaces is not None):
         found["ground"] = robot.ground.piece(poses, moves, surfaces)
     has_mass = robot.masses.total > 0.0
-    if not (has_mass and {"center", "balance", "efforts"} & set(needs)):
+    if not (has_mass and {"center", "balance", "efforts", "forces"} & set(needs)):
         return found
-    level = found["ground"].level if "ground" in found else None
     loads = [(slice(0, len(times)), robot.masses)]
     if around is not None:
         loads = around.loads(robot.description, times)
@@ -119,15 +119,11 @@ def _piece(
         moving = motion.dynamics(times[rows])
         dynamics = inverse_dynamics(robot.kinematics, masses, moving)
         part = {"power": _power(dynamics, moving)}
-        if "efforts" in needs:
-            part["efforts"] = dynamics.efforts
+        if {"efforts", "forces"} & set(needs):
+            part["efforts"], part["wrench"] = dynamics.efforts, dynamics.root_wrench
         if "ground" in found:
-            floor = robot.thresholds.floor_height
-            height = floor if level is None else floor + level[rows]
             speed = masses.robot_velocity(poses[rows], moves[rows])
             part["center"] = dynamics.center_of_mass
-            weight = masses.total * GRAVITY
-            part["zmp"] = zero_moment_points(dynamics, weight, height)
             part["is_still"] = _is_still(dynamics, speed, masses, robot.thresholds)
         parts.append(part)
     for name in parts[0]:

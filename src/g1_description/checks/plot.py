@@ -17,6 +17,7 @@ from matplotlib.patches import Patch
 from PIL import Image
 
 from g1_description.checks.measured import Measured
+from g1_description.checks.rules.forces import forces
 from g1_description.checks.verdict import FAILED, WARNING, Verdict
 from g1_description.robot.description import Joint
 
@@ -64,6 +65,7 @@ LEAST_WIDTH = 0.003
 """Least width of a marked time, as a fraction of the panel's."""
 
 BLUE, GREEN, PURPLE, GREY = "#0072B2", "#009E73", "#CC79A7", "#777777"
+RED = "#D55E00"
 LIMITS = "#EBEBEB"
 COLORS = {FAILED: "#D55E00", WARNING: "#E8C000"}
 """Colour-blind safe, by Okabe and Ito; the yellow is darker."""
@@ -192,7 +194,14 @@ def _panels(
             "balance: distance inside the support polygon [m], negative outside",
             LINES,
             _margins_panel,
-            ("center_of_mass", "zero_moment_point"),
+            ("center_of_mass",),
+        ),
+        (
+            "contact_forces" in verdict.checked,
+            "vertical contact forces [N]",
+            LINES,
+            _forces_panel,
+            ("contact_forces",),
         ),
         (
             "self_collision" in verdict.checked,
@@ -408,15 +417,24 @@ def _heights_panel(axes: Axes, measured: Measured, verdict: Verdict) -> None:
 def _margins_panel(axes: Axes, measured: Measured, _: Verdict) -> None:
     """Draw the margins to the support polygon."""
     assert measured.balance is not None
-    lines = (
-        ("zero-moment point", measured.balance.zmp_margin, PURPLE, 0.8),
-        ("centre of mass", measured.balance.center_margin, BLUE, 1.2),
-    )
-    for label, margin, color, width in lines:
-        x, y = thinned(measured.times, margin)
-        axes.plot(x, y, color=color, lw=width, label=label)
+    x, y = thinned(measured.times, measured.balance.center_margin)
+    axes.plot(x, y, color=BLUE, lw=1.2, label="centre of mass")
     axes.axhline(0.0, color="black", lw=0.6)
     axes.set_ylim(*_range(axes, -0.4, 0.15, span=0.05))
+    _line_legend(axes)
+
+
+def _forces_panel(axes: Axes, measured: Measured, verdict: Verdict) -> None:
+    """Draw vertical forces on links that are ever in contact, and missing ones."""
+    found = measured.once(forces)
+    colors = (BLUE, PURPLE, GREEN, GREY)
+    for color, link in zip(colors, verdict.floor_contacts):
+        x, y = thinned(found.times, found.forces[:, found.links.index(link), 2])
+        axes.plot(x, y, color=color, lw=1.0, label=link.replace("_link", ""))
+    missing = np.linalg.norm(found.missing[:, :3], axis=1)
+    x, y = thinned(found.times, missing)
+    axes.plot(x, y, color=RED, lw=1.0, label="missing")
+    axes.axhline(0.0, color="black", lw=0.6)
     _line_legend(axes)
 
 

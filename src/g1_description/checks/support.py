@@ -9,7 +9,6 @@ from typing import Sequence, Tuple
 import numpy as np
 
 from g1_description.checks.intervals import without_short
-from g1_description.robot.dynamics import Dynamics
 
 STILL_TIME = 0.2
 """Shortest standstill in which the centre of mass is checked, in [s]."""
@@ -27,9 +26,6 @@ class Balance:
 
     center_margin: np.ndarray
     """Distance of the centre of mass inside the support polygon in [m], shape (n,)."""
-
-    zmp_margin: np.ndarray
-    """Distance of the zero-moment point inside of it in [m], shape (n,)."""
 
     is_still: np.ndarray
     """Where the robot is still, shape (n,)."""
@@ -96,52 +92,44 @@ def support_margin(polygon: Corners, x: float, y: float) -> float:
     return nearest if is_inside else -nearest
 
 
-def margins(support: Sequence[np.ndarray], *points: np.ndarray) -> list[np.ndarray]:
+def margins(support: Sequence[np.ndarray], points: np.ndarray) -> np.ndarray:
     """Compute the distances of points inside the support polygon.
 
     Args:
         support: Points of contact, shape (k, 2) per sample.
-        points: In the map, in [m], shapes (n, 2); NaN where there is none.
+        points: In the map, in [m], shape (n, 2).
 
     Returns:
-        For each array of points: in [m], negative outside, shape (n,); NaN where
-        nothing supports the robot.
+        In [m], negative outside, shape (n,); NaN where nothing supports the robot.
     """
-    found = [np.full(len(support), np.nan) for _ in points]
-    rows = [array.tolist() for array in points]
-    for number, corners in enumerate(support):
-        if not len(corners):
-            continue
-        polygon = support_polygon(corners)
-        for margin, row in zip(found, rows):
-            x, y = row[number]
-            if math.isfinite(x) and math.isfinite(y):
-                margin[number] = support_margin(polygon, x, y)
+    found = np.full(len(support), np.nan)
+    for row, (corners, (x, y)) in enumerate(zip(support, points.tolist())):
+        if len(corners):
+            found[row] = support_margin(support_polygon(corners), x, y)
     return found
 
 
-def zero_moment_points(
-    dynamics: Dynamics, weight: float, floor: float | np.ndarray
-) -> np.ndarray:
+def zero_moment_point(wrench: np.ndarray, weight: float, floor: float) -> np.ndarray:
     """Find where the floor must support a robot that moves.
 
     Source: Vukobratovic and Borovac, Zero-Moment Point, 2004: the point of the floor
     about which the wrench of gravity and inertia has no horizontal moment.
 
     Args:
-        dynamics: Dynamics of the motion.
+        wrench: External wrench besides gravity: force, and moment about the map's
+            origin, in [N] and [N m], shape (6,).
         weight: Weight of the robot in [N].
-        floor: Height of the floor in [m], a number or shape (...).
+        floor: Height of the floor in [m].
 
     Returns:
-        Along the map's x and y, in [m], shape (..., 2); NaN where the floor supports
-        next to nothing.
+        Along the map's x and y, in [m], shape (2,); NaN where the floor supports next
+        to nothing.
     """
-    force, moment = dynamics.root_wrench[..., :3], dynamics.root_wrench[..., 3:]
-    up = np.where(force[..., 2] > LEAST_FORCE * weight, force[..., 2], np.nan)
-    x = (floor * force[..., 0] - moment[..., 1]) / up
-    y = (floor * force[..., 1] + moment[..., 0]) / up
-    return np.stack([x, y], axis=-1)
+    force, moment = wrench[:3], wrench[3:]
+    up = force[2] if force[2] > LEAST_FORCE * weight else np.nan
+    x = (floor * force[0] - moment[1]) / up
+    y = (floor * force[1] + moment[0]) / up
+    return np.stack([x, y])
 
 
 def long_still(times: np.ndarray, is_still: np.ndarray) -> np.ndarray:

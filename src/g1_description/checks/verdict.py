@@ -26,7 +26,9 @@ FIGURES = {
     "deepest_self_collision": ("deepest self-collision", "m"),
     "lowest_height": ("lowest point", "m"),
     "least_center_margin": ("least margin of the centre of mass", "m"),
-    "least_zmp_margin": ("least margin of the zero-moment point", "m"),
+    "largest_missing_wrench": ("largest missing contact force", "% of the weight"),
+    "infeasible_share": ("time without feasible contact forces", "%"),
+    "needed_friction": ("largest friction needed", ""),
     "fall_time": ("fall at", "s"),
     "rms_tracking_error": ("tracking error, rms", "rad"),
     "largest_tracking_error": ("largest tracking error", "rad"),
@@ -39,7 +41,7 @@ unit. A share is a fraction of 1, and shown in per cent."""
 def figure_text(name: str, value: float) -> str:
     """Describe a figure, as "path of the base 1.2 m"."""
     about, unit = FIGURES[name]
-    scale = 100.0 if unit == "%" else 1.0
+    scale = 100.0 if unit.startswith("%") else 1.0
     return f"{about} {round(scale * value, 6):.4g} {unit}".rstrip()
 
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from g1_description.checks.marks import short_name, size_text, subject_text
 from g1_description.checks.rules import RULES
+from g1_description.checks.rules.forces import forces
 from g1_description.checks.verdict import FAILED, Finding, Verdict, worst_of
 from g1_description.motion.motion import Motion
 from g1_description.render.patches import (
@@ -225,10 +226,12 @@ def motion_data(
     return as_json(content)
 
 
-HEIGHT, CENTER, ZMP, DEPTH = (
+HEIGHT, CENTER, MISSING, FRICTION, FORCE, DEPTH = (
     "height of {} above the floor",
     "centre of mass inside the support polygon",
-    "zero-moment point inside the support polygon",
+    "missing contact force",
+    "friction needed",
+    "vertical force on {}",
     "depth of the deepest self-collision",
 )
 """Names of lines."""
@@ -248,7 +251,14 @@ def _lines(verdict: Verdict) -> Iterator[tuple[str, str, dict[str, str]]]:
 
     if measured.balance is not None:
         yield CENTER, "m", line(measured.balance.center_margin)
-        yield ZMP, "m", line(measured.balance.zmp_margin)
+    if "contact_forces" in verdict.checked:
+        found = measured.once(forces)
+        yield MISSING, "of the weight", line(found.missing_share)
+        yield FRICTION, "", line(found.friction)
+        for column, link in enumerate(found.links):
+            if link in verdict.floor_contacts:
+                up = found.forces[:, column, 2]
+                yield FORCE.format(short_name(link)), "N", line(up)
     if "self_collision" in verdict.checked:
         yield DEPTH, "m", line(measured.depth)
     if measured.heights is not None:
@@ -266,7 +276,7 @@ def _cause(
     """Describe the findings of one cause: their times, marks and plots."""
     worst = worst_of(findings)
     subject = worst.subject[0] if worst.subject else ""
-    names = {"center_of_mass": CENTER, "zero_moment_point": ZMP}
+    names = {"center_of_mass": CENTER, "contact_forces": MISSING}
     names["self_collision"] = DEPTH
     name = names.get(worst.check, HEIGHT.format(short_name(subject)))
     plot = f"line:{lines.index(name)}" if name in lines else ""

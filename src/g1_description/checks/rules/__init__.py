@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
+from g1_description.checks.rules.forces import CONTACT_FORCES, EFFORT
 from g1_description.checks.rules.ground import (
     CENTER_OF_MASS,
     DRIFT,
     FLOATING,
     PENETRATION,
     SKATING,
-    ZERO_MOMENT_POINT,
 )
 from g1_description.checks.rules.jumps import BASE_JUMP, JUMP
 from g1_description.checks.rules.limits import (
     ACCELERATION,
-    EFFORT,
     JERK,
     POSITION,
     VELOCITY,
@@ -38,7 +37,7 @@ RULES = (
     SKATING,
     DRIFT,
     CENTER_OF_MASS,
-    ZERO_MOMENT_POINT,
+    CONTACT_FORCES,
     TRACKING,
     SATURATION,
     FALL,

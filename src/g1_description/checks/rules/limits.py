@@ -63,21 +63,10 @@ def _rates(
     known = np.where(measured.once(near_jumps).joints, np.nan, rates)
     suffix = {"velocity": "/s", "acceleration": "/s^2", "jerk": "/s^3"}[rule.name]
     words = [units(joint)[0] + suffix for joint in measured.joints]
-    return _fractions(rule, measured, measured.joints, known, bounds, words)
+    return fractions(rule, measured, measured.joints, known, bounds, words)
 
 
-def _efforts(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
-    """Compare efforts with their limits."""
-    assert measured.efforts is not None
-    joints = measured.robot.joints
-    bounds = np.array([joint.effort for joint in joints])
-    is_known = measured.once(near_jumps).is_known
-    known = np.where(is_known[:, np.newaxis], measured.efforts, np.nan)
-    words = [units(joint)[1] for joint in joints]
-    return _fractions(rule, measured, joints, known, bounds, words)
-
-
-def _fractions(
+def fractions(
     rule: Rule,
     measured: Measured,
     joints: Sequence[Joint],
@@ -211,14 +200,4 @@ JERK = Rule(
     find=_derived,
     needs=("neighbours",),
     skip=lambda robot, motion: _no_bounds(robot, motion, "jerk_bounds"),
-)
-EFFORT = Rule(
-    name="effort",
-    about="efforts beyond the limits of the URDF",
-    level=Level(0.9, 1.0),
-    limit="fraction of the URDF's limit; with a fixed base",
-    unit="of the limit",
-    find=_efforts,
-    needs=("efforts",),
-    requires="`--fixed-base`",
 )
