@@ -190,6 +190,10 @@ def test_bounds_are_by_joint(tmp_path):
         ("window: 0", "window must be greater than 0 (got 0)"),
         ("jerk_bounds: {joints: [a]}", "jerk_bounds.joints must map joints to numbers"),
         ("jerk_bounds: {joints: {a: 0}}", "must be positive"),
+        (
+            "clearance: {failure: -0.01}",
+            "The thresholds of clearance must not be negative",
+        ),
         ("energy >: exclude", "'energy >' must be FIGURE > NUMBER or FIGURE < NUMBER"),
         ("root_sped.max > 9: exclude", "Known figures: root_speed.max"),
         ("energy > 9: 1", "The rule 'energy > 9' must be 'exclude' (got 1)"),

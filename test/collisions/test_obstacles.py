@@ -109,6 +109,7 @@ def test_carriers_and_what_may_touch_are_left_out():
     of_links = {(f"l{n}", "table") for n in range(3)} | {("l2", "box")}
     of_links |= {("l1", "cup")}  # l0 is the wrist of the hand l2
     carried = {("box", "table"), ("cup", "box")}
+    carried |= {("box", "the floor"), ("cup", "the floor")}
     assert {frozenset(p) for p in obstacles.pairs} == {
         frozenset(p) for p in of_links | carried
     }

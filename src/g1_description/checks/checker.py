@@ -25,6 +25,7 @@ from g1_description.checks.rules.forces import (
 from g1_description.checks.rules.ground import slides
 from g1_description.checks.rules.jumps import near_jumps
 from g1_description.checks.rules.limits import check_bounds, zero_limits
+from g1_description.checks.rules.obstacles import distances_of
 from g1_description.checks.rules.physics import (
     physics_figures,
     physics_summary,
@@ -327,9 +328,14 @@ def _distances(measured: Measured) -> dict[str, float]:
     found = {}
     if measured.contacts is not None:
         found["deepest_self_collision"] = float(measured.depth.max())
-    if measured.near_objects is not None and len(measured.near_objects.distance):
-        nearest = float(measured.near_objects.distance.min())
-        found[LEAST_CLEARANCE] = max(nearest, 0.0)
+    if measured.near_objects is not None:
+        nearest = [
+            np.nanmin(d)
+            for _, d, _ in measured.once(distances_of)
+            if not np.isnan(d).all()
+        ]
+        if nearest:
+            found[LEAST_CLEARANCE] = float(min(nearest))
     return found
 
 

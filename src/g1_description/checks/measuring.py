@@ -55,6 +55,7 @@ def measure(
             robot.thresholds,
             robot.description,
             found.link_poses,
+            robot.is_fixed,
             objects,
         )
     pieces = [_piece(found, piece, needs, own) for piece in found.chunks()]

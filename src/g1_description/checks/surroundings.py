@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from g1_description.bounds import MAX_VALUE
 from g1_description.checks.ground_samples import GroundSamples
 from g1_description.checks.surfaces import Surfaces
 from g1_description.checks.thresholds import Level, Thresholds
@@ -48,6 +49,7 @@ class Surroundings:
         thresholds: Thresholds,
         robot: Description,
         link_poses: LinkPoses,
+        is_fixed: bool,
         present: np.ndarray | None = None,
     ) -> None:
         """Find out which links carry objects.
@@ -57,6 +59,7 @@ class Surroundings:
             thresholds: Height of the floor, and distances.
             robot: The robot.
             link_poses: Poses of its links during the motion.
+            is_fixed: Whether its base is fixed, so that there is no floor.
             present: Poses of the objects in the map if they are not those of the scene,
                 shape (n_objects, 7); attachments are ignored then.
         """
@@ -69,6 +72,8 @@ class Surroundings:
         starts = np.array([each.pose for each in objects]).reshape(-1, 7)
         self.surfaces = Surfaces(obstacles, starts, thresholds.floor_height)
         self._margin = margin_of(thresholds)
+        self.floor = -MAX_VALUE if is_fixed else thresholds.floor_height
+        """Height of the floor in [m]; far below if there is none."""
         n_links = obstacles.n_links
         self._links = {n: row for row, n in enumerate(obstacles.names[:n_links])}
         first, second = obstacles.pair_rows.T
@@ -76,7 +81,7 @@ class Surroundings:
         self._first = np.where(first < n_links, first, -1)
         is_known = present is None  # which links carry them
         carried = np.where(first < n_links, -1, first - n_links)
-        onto = second - n_links
+        onto = np.where(second == len(obstacles.names) - 1, carried, second - n_links)
         self._carried = np.stack([carried, onto]) if is_known else None
 
     def contacts(self, times: np.ndarray, link_poses: np.ndarray) -> Contacts:
@@ -96,7 +101,8 @@ class Surroundings:
         poses = object_poses(self.holds, times, of_link)
         if all(len(some) == 1 for some in self.holds):
             poses = poses[0]
-        found = self.obstacles.contacts_among(link_poses, poses, self._margin)
+        margin, floor = self._margin, self.floor
+        found = self.obstacles.contacts_among(link_poses, poses, margin, floor)
         if self._carried is None:
             return found
         first, second = self._carried[:, found.pair]

@@ -90,6 +90,11 @@ def with_thresholds(thresholds: Thresholds, content: Mapping[str, Any]) -> Thres
         if name in rules:
             parts = _parts(name, value, ("warning", "failure"))
             numbers = {k: _optional(f"{name}.{k}", n) for k, n in parts.items()}
+            if (
+                rules[name].lower_is_worse
+                and min(filter(None, numbers.values()), default=0) < 0
+            ):
+                raise ThresholdError(f"The thresholds of {name} must not be negative.")
             levels[name] = replace(rules[name].level_in(thresholds), **numbers)
         elif any(sign in str(name) for sign in SIGNS):
             exclusions.append(_exclusion(str(name), value))

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from g1_description.bounds import MAX_VALUE
 from g1_description.collisions.contacts import Contacts, ShapeContacts, deepest
 from g1_description.collisions.convex_shapes import (
     axes_of,
@@ -15,20 +16,30 @@ from g1_description.collisions.convex_shapes import (
     robot_shapes,
     turn,
 )
-from g1_description.robot.assembly import rigid_frames
+from g1_description.robot.assembly import bodies_of
 from g1_description.robot.description import Description
 from g1_description.robot.rotation import rotate
+from g1_description.robot.transform import IDENTITY
 from g1_description.scenes.carried import named_link
 from g1_description.scenes.scene import Scene
 
 TOLERANCE = 5e-5
 """Largest difference of hulls from their shapes, in [m]."""
 
+FLOOR = "the floor"
+"""Name of the floor, which objects may hit while links carry them."""
+
+UP = np.array([0.0, 0.0, 1.0])
+
+FLAT = float(np.cos(np.radians(10.0)))
+"""Least upward part of the normal of what something stands on."""
+
 
 class Obstacles(ShapeContacts):
     """Finds contacts of a robot with the objects of a scene.
 
-    Checked are links with objects, and objects that links carry with other objects.
+    Checked are links with objects, and objects that links carry with other objects and
+    with the floor.
     What carries an object, and what may touch it, is not checked with it; each with
     all links that fixed joints connect to it. For carriers, and roles such as
     left_hand, that includes the link to which their joint belongs: the wrist.
@@ -56,37 +67,59 @@ class Obstacles(ShapeContacts):
         self.notes = tuple(dict.fromkeys((*of_robot, *of_scene)))
         """Messages on meshes that cannot be read."""
         links = [link.name for link in posed_links(description)]
-        self.names = (*links, *scene)
-        """Names of links, then of objects, in the order of their poses."""
+        self.names = (*links, *scene, FLOOR)
+        """Names of links, then of objects, in the order of their poses, and FLOOR."""
         self.n_links = len(links)
         """How many of them are links."""
         shapes = list(of_links)
         shapes += [replace(s, link=s.link + self.n_links) for s in of_objects]
-        planes = [
+        self._planes = [
             (row, shape.pose[:3], rotate(shape.pose[3:], np.array(shape.size)))
             for row, body in enumerate(bodies, self.n_links)
             for shape in body.collisions
             if shape.kind == "plane"
         ]
-        solid = {shape.link for shape in shapes} | {row for row, _, _ in planes}
+        self._planes.append((len(self.names) - 1, np.zeros(3), UP))
+        solid = {shape.link for shape in shapes} | {row for row, _, _ in self._planes}
+        super().__init__(shapes, (), len(self.names))
         pairs = [pair for pair in _pairs(description, scene) if solid.issuperset(pair)]
+        self._use(pairs)
+
+    def _use(self, pairs: Sequence[tuple[int, int]]) -> None:
+        """Choose the pairs that are checked."""
+        # No shape pairs for those of planes, whose contacts are computed on their own.
+        self._rows = pairs
+        self._all = self._shape_pairs(range(len(pairs)))
         self.pairs = tuple((self.names[a], self.names[b]) for a, b in pairs)
         """Names of a link or carried object, and of an object, as in ``Contacts``."""
         self.pair_rows = np.array(pairs, dtype=int).reshape(-1, 2)
         """Their rows in ``names``, shape (n_pairs, 2)."""
-        # No shape pairs for those of planes, whose contacts are computed on their own.
-        super().__init__(shapes, pairs, len(self.names))
         self._plane_pairs = [
             (number, shape, plane)
             for number, pair in enumerate(pairs)
-            for plane in planes
+            for plane in self._planes
             if pair[1] == plane[0]
-            for shape in shapes
+            for shape in self.shapes
             if shape.link == pair[0]
         ]
 
+    def of_pairs(self, pairs: Sequence[tuple[int, int]]) -> Obstacles:
+        """Return the same robot and objects with other pairs.
+
+        Args:
+            pairs: Rows in ``names`` of a link or object, and of another object.
+        """
+        found = object.__new__(Obstacles)
+        found.__dict__.update(self.__dict__, _distances=self._distances)
+        found._use(pairs)
+        return found
+
     def contacts_among(
-        self, link_poses: np.ndarray, object_poses: np.ndarray, margin: float = 0.0
+        self,
+        link_poses: np.ndarray,
+        object_poses: np.ndarray,
+        margin: float = 0.0,
+        floor: float = -MAX_VALUE,
     ) -> Contacts:
         """Find what is nearer than a margin.
 
@@ -96,6 +129,7 @@ class Obstacles(ShapeContacts):
             object_poses: Poses of the objects in the map, in the order of the scene,
                 shape (n, n_objects, 7), or (n_objects, 7) if they do not move.
             margin: In [m]; 0: only overlaps.
+            floor: Height of the floor in the map, in [m]; by default there is none.
 
         Returns:
             The contacts, with the rows of ``pairs``.
@@ -103,10 +137,10 @@ class Obstacles(ShapeContacts):
         Raises:
             InvalidValueError: If poses have another shape or are not finite.
         """
-        objects = np.broadcast_to(
-            object_poses, (len(link_poses), *object_poses.shape[-2:])
-        )
-        poses = np.concatenate([link_poses, objects], axis=1)
+        count = len(link_poses)
+        objects = np.broadcast_to(object_poses, (count, *object_poses.shape[-2:]))
+        ground = np.tile([*floor * UP, *IDENTITY[3:]], (count, 1, 1))
+        poses = np.concatenate([link_poses, objects, ground], axis=1)
         found = [self.contacts(poses, margin)]
         found += self._plane_contacts(poses, margin)
         joined = Contacts.joined(found)
@@ -142,11 +176,8 @@ class Obstacles(ShapeContacts):
 def _pairs(description: Description, scene: Scene) -> Iterator[tuple[int, int]]:
     """Yield the rows of links or carried objects, and of objects, that are checked."""
     links = [link.name for link in posed_links(description)]
-    body = {
-        link: body
-        for tree in description.trees
-        for link, (body, _) in rigid_frames(tree).items()
-    }
+    floor = len(links) + len(scene)
+    body = bodies_of(description)
     above = {joint.child: body[joint.parent] for joint in description.joints}
     objects = list(scene.values())
     roles = description.profile.links
@@ -171,3 +202,4 @@ def _pairs(description: Description, scene: Scene) -> Iterator[tuple[int, int]]:
                 is_double = bool(thing.attachments) and other <= row
                 if thing is not each and not is_free and not is_double:
                     yield row, other
+            yield row, floor

@@ -221,17 +221,22 @@ def reference_links(
     return found
 
 
+def bodies_of(description: Description) -> dict[str, str]:
+    """Return the topmost link that each link is rigidly connected to, of all trees."""
+    return {
+        link: top
+        for tree in description.trees
+        for link, (top, _) in rigid_frames(tree).items()
+    }
+
+
 def limbs_of(description: Description) -> dict[str, str]:
     """Return the limb of each link, named by the first link of the limb.
 
     A limb is a chain of movable joints up to the next branch, with all links that are
     fixed to it: an arm, a leg, or the waist with the torso. A root is one of its own.
     """
-    body = {
-        link: top
-        for tree in description.trees
-        for link, (top, _) in rigid_frames(tree).items()
-    }
+    body = bodies_of(description)
     joints = [*below(description.roots, description.joints)]
     moving = [joint for joint in joints if body[joint.child] == joint.child]
     branches = Counter(body[joint.parent] for joint in moving)

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from g1_description.checks import surroundings
+from g1_description.checks.intervals import runs
 from g1_description.checks.measured import Measured
 from g1_description.checks.rule import Rule
 from g1_description.checks.rules.self_collision import per_pair
@@ -14,7 +15,7 @@ from g1_description.checks.thresholds import Level
 from g1_description.checks.verdict import BY_LIMBS, Finding
 
 
-def _near(
+def _pairs(
     measured: Measured,
 ) -> Iterator[tuple[tuple[str, str], np.ndarray, np.ndarray]]:
     """Sort contacts with objects by pair."""
@@ -25,17 +26,47 @@ def _near(
 
 def _collisions(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
     """Find what overlaps objects."""
-    for pair, distances, points in _near(measured):
+    for pair, distances, points in _pairs(measured):
         text = f"{pair[0]} penetrates {pair[1]} by {{worst:.4g}} m{{when}}"
         yield rule.compared(measured, pair, -distances, text, points=points)
 
 
+def distances_of(
+    measured: Measured,
+) -> list[tuple[tuple[str, str], np.ndarray, np.ndarray]]:
+    """Find distances from objects as `clearance` compares them.
+
+    Distances of an object from what it is taken off or put on do not count while it
+    gets away from that, or comes nearer.
+
+    Returns:
+        As ``per_pair`` yields it; distances are at least 0, or NaN.
+    """
+    found = []
+    for pair, distances, points in _pairs(measured):
+        if pair[0] not in measured.robot.links:
+            for first, last in runs(~np.isnan(distances)):
+                near = distances[first : last + 1]
+                for course in (near, near[::-1]):
+                    _leave(course, measured.robot.thresholds.contact_height)
+        found.append((pair, np.maximum(distances, 0.0), points))
+    return found
+
+
+def _leave(distances: np.ndarray, touching: float) -> None:
+    """Set distances to NaN until an object is away from what it touches at first."""
+    if distances[0] <= touching:
+        with np.errstate(invalid="ignore"):
+            rises = np.append(np.diff(distances) > 0.0, False)
+            stays = (distances > touching) & ~rises
+        distances[: np.argmax(stays) if stays.any() else len(stays)] = np.nan
+
+
 def _clearances(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
     """Find what is too near objects."""
-    for pair, distances, points in _near(measured):
-        sizes = np.maximum(distances, 0.0)
+    for pair, distances, points in measured.once(distances_of):
         text = f"{pair[0]} is {{worst:.4g}} m from {pair[1]}{{when}}"
-        yield rule.compared(measured, pair, sizes, text, points=points)
+        yield rule.compared(measured, pair, distances, text, points=points)
 
 
 COLLISION = Rule(
