@@ -193,7 +193,7 @@ def test_a_clean_motion_has_no_findings():
     assert verdict.findings == ()
     assert verdict.passed
     assert "deepest_self_collision" in verdict.figures
-    assert {*verdict.skipped} == {"effort", "collision", "clearance"}
+    assert {*verdict.skipped} == {"effort", "collision", "clearance", "grasp"}
     assert {*verdict.floor_contacts} == {
         "left_ankle_roll_link",
         "right_ankle_roll_link",

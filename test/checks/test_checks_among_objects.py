@@ -1,6 +1,7 @@
 """Checks know the objects of a scene: what collides with them, and what is on them."""
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -122,6 +123,56 @@ def test_objects_collide_while_they_are_carried():
     scene.attach("tray", "left_hand", begin=4.0)
     with pytest.raises(UnknownNameError, match="left_hand"):
         ROBOT.check(motion, scene=scene)
+
+
+@pytest.mark.parametrize(
+    ("thing", "begin", "end", "expected"),
+    [
+        (0.69, 0.0, 5.0, {("thing", "step"): 0.45}),
+        (0.69, 0.0, np.inf, {}),
+        (0.69, -np.inf, 6.0, {("thing", "step"): 0.45}),
+        (0.68, 0.5, 1.5, {("thing", "the floor"): 0.59}),
+        (0.95, 1.0, np.inf, {("body", "thing"): 0.26}),
+        (0.69, -1.0, np.inf, {("body", "thing"): 1.0}),
+        (0.69, 7.0, 9.0, {("body", "thing"): 1.0}),
+    ],
+)
+def test_grasps_and_releases_are_where_objects_are(thing, begin, end, expected):
+    scene = steps()
+    scene.box("thing", [0.1, 0.1, 0.18], [0.0, 0.0, thing])
+    scene.attach("thing", "body", begin, end)
+    verdict = ROBOT.check(climb(), ["grasp"], scene=scene)
+    found = {finding.subject: finding.worst for finding in verdict.findings}
+    assert found == pytest.approx(expected, abs=1e-3)
+
+
+def test_what_is_put_down_is_near_its_support():
+    """A box is lifted from a stand and put on another one."""
+    height = 0.2 * (eased(0.5, 2.0) - eased(4.0, 5.5))
+    still = {name: np.zeros(len(TIMES)) for name in NAMES}
+    base = np.tile([0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 1.0], (len(TIMES), 1))
+    base[:, 2] += height
+    base[:, 0] += eased(2.0, 4.0)
+    motion, scene = ROBOT.trajectory(TIMES, still, base=base), Scene()
+    for number in range(2):
+        scene.box(f"stand_{number}", [0.2, 0.2, 0.2], [number, 0.0, 0.5])
+    scene.box("box", [0.1, 0.1, 0.1], [0.0, 0.0, 0.65])
+    scene.attach("box", "body", 0.0, 5.98)
+    only, limits = ["clearance", "grasp"], {"clearance": {"failure": 0.03}}
+    for name in ("stand_0", "stand_1"):  # the body passes through them
+        scene.replace(replace(scene[name], may_touch=frozenset(["body"])))
+    checker = ROBOT.checker(limits, scene=scene)
+    verdict = checker.check(motion, only)
+    assert not verdict.findings
+    scene.box("bar", [0.1, 0.1, 0.1], [0.5, 0.0, 0.74], may_touch=["body"])
+    (finding,) = ROBOT.checker(limits, scene=scene).check(motion, only).findings
+    assert finding.subject == ("box", "bar")
+    assert finding.worst == pytest.approx(0.01, abs=1e-4)
+    scene.move("box", [0.0, 0.0, 0.02])  # 0.03 m deep in the floor
+    scene.remove("stand_0")
+    verdict = ROBOT.check(motion, ["collision"], scene=scene)
+    found = {finding.subject: finding.worst for finding in verdict.findings}
+    assert found["box", "the floor"] == pytest.approx(0.03, abs=1e-4)
 
 
 def test_what_is_carried_has_its_mass():

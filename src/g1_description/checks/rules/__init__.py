@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from g1_description.checks.rules.forces import CONTACT_FORCES, EFFORT
+from g1_description.checks.rules.grasp import GRASP
 from g1_description.checks.rules.ground import (
     CENTER_OF_MASS,
     DRIFT,
@@ -32,6 +33,7 @@ RULES = (
     SELF_COLLISION,
     COLLISION,
     CLEARANCE,
+    GRASP,
     PENETRATION,
     FLOATING,
     SKATING,
