@@ -86,6 +86,14 @@ def test_feet_stand_on_a_step_as_on_the_floor(motion, expected):
     assert without.skipped["collision"] == "no scene is given"
 
 
+def test_links_that_go_through_an_object_have_one_finding_each():
+    scene = steps()
+    scene.box("plate", [0.5, 1.0, 0.02], [0.5, 0.0, 0.2])  # above the step
+    verdict = ROBOT.check(climb(), ONLY, scene=scene)
+    pairs = [("left", "plate"), ("right", "plate")]
+    assert found(verdict) == {("collision", pair) for pair in pairs}
+
+
 def test_collisions_with_objects_are_found_and_distances_known():
     scene, motion = steps(), climb()
     scene.box("beam", [0.1, 1.0, 0.1], [0.58, 0.0, 0.5])  # the body ends at x = 0.6

@@ -257,6 +257,7 @@ class Ground:
                 _spread(pieces, "below", columns, -1),
                 np.concatenate([piece.level for piece in pieces]),
             )
+        collides = np.zeros_like(in_contact)
         return GroundSamples(
             columns,
             heights,
@@ -269,6 +270,7 @@ class Ground:
             above,
             below,
             level,
+            collides,
         )
 
     def _contacts(

@@ -92,6 +92,8 @@ class GroundSamples:
 
     below: np.ndarray | None
     level: np.ndarray | None
+    collides: np.ndarray
+    """Whether a link goes through what is below it, shape (n, k)."""
 
     @cached_property
     def support(self) -> list[np.ndarray]:

@@ -78,7 +78,9 @@ def measure(
         near = Contacts.joined([piece["objects"] for piece in pieces])
         rows = robot.ground.rows[found.ground.columns] if found.ground else np.zeros(0)
         around = found.surroundings
-        found.near_objects = around.without_supports(near, found.ground, rows)
+        found.near_objects = around.without_supports(
+            found.times, near, found.ground, rows
+        )
     center, is_still = joined("center"), joined("is_still")
     if not (found.ground is None or center is None or is_still is None):
         inside = margins(found.ground.support, center[:, :2])

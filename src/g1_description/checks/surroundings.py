@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +12,7 @@ from g1_description.bounds import MAX_VALUE
 from g1_description.checks.ground_samples import GroundSamples
 from g1_description.checks.surfaces import Surfaces
 from g1_description.checks.thresholds import Level, Thresholds
+from g1_description.checks.verdict import GAP
 from g1_description.collisions.contacts import Contacts
 from g1_description.collisions.obstacles import Obstacles
 from g1_description.robot.description import Description, Inertial, Link
@@ -24,6 +25,10 @@ from g1_description.scenes.carried import (
     holds_of,
     object_poses,
 )
+
+DEEP = 0.005
+"""Links that collide with an object and are this deep in it, in [m], before or after do
+not stand on it then."""
 
 MARGIN = 0.05
 """Distances from objects are known up to this, in [m], or to thresholds above it."""
@@ -155,15 +160,21 @@ class Surroundings:
         return found
 
     def without_supports(
-        self, contacts: Contacts, ground: GroundSamples | None, rows: np.ndarray
+        self,
+        times: np.ndarray,
+        contacts: Contacts,
+        ground: GroundSamples | None,
+        rows: np.ndarray,
     ) -> Contacts:
         """Leave out links on what they stand on, and above what the robot stands on.
 
-        That counts as floor.
+        That counts as floor, but for links that go through an object.
 
         Args:
+            times: In [s], shape (n,).
             contacts: All contacts with objects.
-            ground: How the robot stands; None: it is not known.
+            ground: How the robot stands, whose ``collides`` is changed; None: it is not
+                known.
             rows: Rows of the links of ``ground``, shape (k,).
         """
         if ground is None or ground.below is None:
@@ -175,9 +186,26 @@ class Surroundings:
         column = column[self._first[contacts.pair]]
         is_on = ground.below[contacts.sample, column] == tops
         is_on &= ground.in_contact[contacts.sample, column] & (column >= 0)
+        is_in = (contacts.distance < -DEEP) & (column >= 0)
+        for run in _runs_of_pairs(contacts, is_in):
+            if not is_on[run].all():
+                is_on[run] = False
+                begin, end = times[contacts.sample[run[[0, -1]]]] + [-GAP, GAP]
+                now = (times >= begin) & (times <= end)
+                row = self.obstacles.pair_rows[contacts.pair[run[0]], 1]
+                now &= ground.below[:, column[run[0]]] == row - self.obstacles.n_links
+                ground.collides[now, column[run[0]]] = True
         is_above = (contacts.distance >= 0.0) & np.isin(tops, stood)
         is_above &= self._first[contacts.pair] >= 0
         return contacts[np.flatnonzero((tops < 0) | ~(is_on | is_above))]
+
+
+def _runs_of_pairs(contacts: Contacts, mask: np.ndarray) -> Iterator[np.ndarray]:
+    """Yield the rows of contacts of each pair in successive samples."""
+    for pair in np.unique(contacts.pair[mask]):
+        rows = np.flatnonzero((contacts.pair == pair) & mask)
+        ends = np.flatnonzero(np.diff(contacts.sample[rows]) > 1) + 1
+        yield from np.split(rows, ends)
 
 
 def _loaded(link: Link, loads: Sequence[tuple[Inertial, np.ndarray]]) -> Link:

@@ -25,8 +25,9 @@ OUTSIDE = "{worst:.4g} m outside the support polygon{when}"
 def slides(measured: Measured) -> np.ndarray:
     """Compute the speeds of sliding links in [m/s], NaN for others, shape (n, k)."""
     is_unknown = measured.once(near_jumps).body
-    ground = measured.robot.ground
-    return ground.sliding(_ground(measured), measured.times, is_unknown)
+    ground, samples = measured.robot.ground, _ground(measured)
+    speeds = ground.sliding(samples, measured.times, is_unknown)
+    return np.where(samples.collides, np.nan, speeds)
 
 
 def _ground(measured: Measured) -> GroundSamples:
@@ -57,7 +58,8 @@ def _penetrations(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
     is_low = samples.in_contact | ~np.isnan(measured.once(slides))
     for column in np.flatnonzero(is_low.any(axis=0)).tolist():
         link, points = measured.ground_links[column], samples.lowest[:, column]
-        sizes = -samples.heights[:, column]
+        is_floor = ~samples.collides[:, column]
+        sizes = np.where(is_floor, -samples.heights[:, column], np.nan)
         floor = _below(measured, column, sizes)
         text = f"{link} penetrates {floor} by {{worst:.4g}} m{{when}}"
         yield rule.compared(measured, (link,), sizes, text, points=points)
