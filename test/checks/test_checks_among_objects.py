@@ -9,6 +9,7 @@ import pytest
 from g1_description import Robot, Scene
 from g1_description.choices import ENGINES
 from g1_description.errors import UnknownNameError
+from g1_description.robot.rotation import from_rpy, rotate
 
 STILTS = """<robot name="stilts"><link name="body"><inertial><mass value="10"/>
   <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>
@@ -181,6 +182,35 @@ def test_what_is_put_down_is_near_its_support():
     verdict = ROBOT.check(motion, ["collision"], scene=scene)
     found = {finding.subject: finding.worst for finding in verdict.findings}
     assert found["box", "the floor"] == pytest.approx(0.03, abs=1e-4)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.001, 0.05, 0.17, 0.2])
+@pytest.mark.parametrize("kind", ["box", "plane"])
+def test_robots_stand_on_what_is_flat_within_ten_degrees(kind, tilt):
+    scene, rpy = Scene(), [0.0, tilt, 0.0]
+    turn, top = from_rpy(np.array(rpy)), np.array([0.0, 0.0, 0.5])
+    if kind == "box":
+        middle = top - rotate(turn, np.array([0.0, 0.0, 0.05]))
+        scene.box("table", [2.0, 2.0, 0.1], middle, rpy=rpy)
+    else:
+        scene.plane("table", [0, 0, 1], top, rpy=rpy)
+    place = top + rotate(turn, np.array([0.0, 0.0, 0.5]))
+    verdict = ROBOT.check_state(np.zeros(4), [*place, *turn], ONLY[:3], scene=scene)
+    assert verdict.passed == (tilt < 0.174)
+    if verdict.passed:
+        assert not verdict.findings
+        assert verdict.floor_contacts.keys() == {"left", "right"}
+
+
+@pytest.mark.parametrize("at", [-0.02, 0.03, 0.07])
+def test_soles_of_balls_stand_on_what_is_between_these(at):
+    robot, scene = Robot(), Scene()
+    scene.box("bar", [0.02, 1.0, 0.3], [at, 0.0, 0.15])
+    base = [0.0, 0.0, 0.7634 + 0.3, 0.0, 0.0, 0.0, 1.0]
+    standing = robot.named_configuration("stand")
+    verdict = robot.check_state(standing, base, ONLY[:3], scene=scene)
+    assert not verdict.findings
+    assert {name[-16:] for name in verdict.floor_contacts} == {"_ankle_roll_link"}
 
 
 def test_what_is_carried_has_its_mass():

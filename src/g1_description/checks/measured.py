@@ -16,6 +16,7 @@ from g1_description.checks.support import (
 from g1_description.checks.surroundings import Surroundings
 from g1_description.checks.thresholds import Thresholds
 from g1_description.collisions.contacts import Contacts
+from g1_description.collisions.convex_shapes import with_soles
 from g1_description.collisions.obstacles import Obstacles
 from g1_description.collisions.self_collisions import SelfCollisions
 from g1_description.errors import MotionError
@@ -67,7 +68,7 @@ class CheckedRobot:
         """The root link in the base link, shape (7,); they differ if the root is the
         world."""
         shapes = collisions.shapes
-        outlines = outlines_of(detailed(shapes) if obstacles else shapes)
+        outlines = outlines_of(detailed(with_soles(shapes)) if obstacles else shapes)
         self.ground = Ground(outlines, self.kinematics.end_links(), thresholds)
         self.links = tuple(name for name in description.link_names if name != WORLD)
         """Links in the order of their poses."""

@@ -1,4 +1,4 @@
-"""Level surfaces of objects, on which a robot stands as on a floor."""
+"""Flat, nearly level surfaces of objects, on which a robot stands as on a floor."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from g1_description.checks.support import support_polygon
 from g1_description.collisions.contacts import Contacts
 from g1_description.collisions.convex_shapes import ConvexShape
-from g1_description.collisions.obstacles import Obstacles
+from g1_description.collisions.obstacles import FLAT, Obstacles
 from g1_description.robot.rotation import rotate
 
 REACH = 0.05
@@ -21,25 +21,22 @@ BESIDE = 0.01
 """Points that are deeper by more than this than they are away from the edge have come
 from the side, in [m]."""
 
-FLAT = 1e-3
-"""Differences in height within a level surface, in [m]."""
-
-UPRIGHT = 0.999
-"""Least cosine between the vertical and the normal of a level surface."""
+EVEN = 1e-3
+"""Largest distance of corners from the plane of a surface, in [m]."""
 
 LEAST_AREA = 1e-3
 """Smallest area of a surface in [m^2]: balls are level only about their top."""
 
 
 @dataclass(frozen=True, eq=False)
-class LevelSurface:
-    """A level surface that ends at a convex polygon."""
+class FlatSurface:
+    """A flat surface, level within ``FLAT``, that ends at a convex polygon."""
 
     row: int
     """Row of the object in the scene."""
 
-    height: float
-    """In the map, in [m]."""
+    plane: np.ndarray
+    """Its height in the map is the product with (x, y, 1), in [m], shape (3,)."""
 
     reach: float
     """Largest depth of points that are in contact with it, in [m]."""
@@ -48,9 +45,16 @@ class LevelSurface:
     """Corners along the map's x and y, counter-clockwise, in [m], shape (k, 2); None:
     it has no end."""
 
+    def ends(self) -> np.ndarray:
+        """Return the lower and the upper end in the map, in [m], shape (2, 3)."""
+        if self.corners is None:
+            return np.array([[-np.inf] * 3, [np.inf] * 3])
+        corners = np.column_stack([self.corners, _heights(self.plane, self.corners)])
+        return np.array([corners.min(axis=0), corners.max(axis=0)])
+
 
 class Surfaces:
-    """The level surfaces of objects; an object that is ever carried has none."""
+    """The flat surfaces of objects; an object that is ever carried has none."""
 
     def __init__(
         self, obstacles: Obstacles, object_poses: np.ndarray, floor: float
@@ -63,23 +67,22 @@ class Surfaces:
                 (n_objects, 7).
             floor: Height of the floor in [m].
         """
-        found = sorted(_surfaces(obstacles, object_poses), key=lambda each: each.height)
         self.names = tuple(obstacles.scene)
         """Names of the objects."""
         self._objects = obstacles.pair_rows[:, 1] - obstacles.n_links
-        self._tops: dict[int, list[float]] = {}
+        self._tops: dict[int, list[np.ndarray]] = {}
+        found = [*_surfaces(obstacles, object_poses)]
         for each in found:
-            self._tops.setdefault(each.row, []).append(each.height)
-        above = [each for each in found if each.height > floor]
-        self._rows = [each.row for each in above]
-        self._heights = np.array([each.height - floor for each in above])
-        self._reach = [each.reach for each in above]
-        self._edges = [_edges(each.corners) for each in above]
-        everywhere = np.array([[-np.inf] * 2, [np.inf] * 2])
-        ends = [everywhere if e.corners is None else e.corners for e in above]
-        shape = (len(above), 2)
-        self._low = np.array([each.min(axis=0) for each in ends]).reshape(shape)
-        self._high = np.array([each.max(axis=0) for each in ends]).reshape(shape)
+            self._tops.setdefault(each.row, []).append(each.plane)
+        ends = [each.ends() - [0.0, 0.0, floor] for each in found]
+        above = [n for n, (_, high) in enumerate(ends) if high[2] > 0.0]
+        self._rows = [found[n].row for n in above]
+        self._planes = [found[n].plane - [0.0, 0.0, floor] for n in above]
+        self._reach = [found[n].reach for n in above]
+        self._edges = [_edges(found[n].corners) for n in above]
+        self._low, self._high = (
+            np.array([ends[n][end] for n in above]).reshape(-1, 3) for end in (0, 1)
+        )
 
     def below(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Find the highest surface below each point of a link.
@@ -96,23 +99,25 @@ class Surfaces:
         height, row = np.zeros(points.shape[:-1]), np.full(points.shape[:-1], -1)
         low, high = points.min(axis=(0, 1)), points.max(axis=(0, 1))
         for number in self.near(low, high):
-            depth, edges = self._heights[number] - points[..., 2], self._edges[number]
+            level, edges = _heights(self._planes[number], points), self._edges[number]
+            depth = level - points[..., 2]
             inside = (points[..., :2] @ edges[:, :2].T + edges[:, 2]).min(axis=-1)
             deepest = np.where(inside >= 0.0, depth, -np.inf).max(axis=1, keepdims=True)
             is_above = (inside >= 0.0) & (depth <= inside + BESIDE)
-            is_above &= deepest <= self._reach[number]
-            height[is_above], row[is_above] = self._heights[number], self._rows[number]
+            is_above &= (deepest <= self._reach[number]) & (level > height)
+            height[is_above], row[is_above] = level[is_above], self._rows[number]
         return height, row
 
     def near(self, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-        """List the surfaces below a box, from the lowest to the highest.
+        """List the surfaces below a box.
 
         Args:
             low: Its lower corner, heights relative to the floor, in [m], shape (3,).
             high: Its upper corner, shape (3,).
         """
-        is_near = (self._low <= high[:2]) & (self._high >= low[:2])
-        return np.flatnonzero(is_near.all(axis=1) & (self._heights <= high[2] + REACH))
+        is_near = (self._low[:, :2] <= high[:2]) & (self._high[:, :2] >= low[:2])
+        is_near = is_near.all(axis=1) & (self._low[:, 2] <= high[2] + REACH)
+        return np.flatnonzero(is_near)
 
     def reached(self, centers: np.ndarray, reaches: np.ndarray) -> np.ndarray:
         """Mark balls that may touch a surface.
@@ -126,15 +131,13 @@ class Surfaces:
             Shape (n_balls, n).
         """
         found = np.zeros(centers.shape[:2], dtype=bool)
-        if not len(self._heights):
+        if not self._planes:
             return found
         around, reach = reaches.max(), reaches[:, np.newaxis, np.newaxis]
         low, high = centers.min(axis=(0, 1)), centers.max(axis=(0, 1))
         for number in self.near(low - around, high + around):
-            at, z = centers[..., :2], centers[..., 2]
-            is_over = (at + reach >= self._low[number]).all(axis=-1)
-            is_over &= (at - reach <= self._high[number]).all(axis=-1)
-            found |= is_over & (np.abs(z - self._heights[number]) <= reach[..., 0])
+            is_over = (centers + reach >= self._low[number]).all(axis=-1)
+            found |= is_over & (centers - reach <= self._high[number]).all(axis=-1)
         return found
 
     def holds(self, contacts: Contacts) -> np.ndarray:
@@ -148,41 +151,66 @@ class Surfaces:
             than ``REACH``, shape (n,).
         """
         found = self._objects[contacts.pair]
-        is_top = (contacts.normal[:, 2] < -UPRIGHT) & (contacts.distance > -REACH)
+        is_top = (contacts.normal[:, 2] < -FLAT) & (contacts.distance > -REACH)
         for number in np.flatnonzero(is_top):
-            height = contacts.points_b[number, 2]
-            tops = self._tops.get(found[number], ())
-            is_top[number] = any(abs(top - height) < 2.0 * FLAT for top in tops)
+            point, planes = contacts.points_b[number], self._tops.get(found[number], ())
+            heights = (_heights(plane, point) for plane in planes)
+            is_top[number] = any(abs(z - point[2]) < 2.0 * EVEN for z in heights)
         return np.where(is_top, found, -1)
 
 
-def _surfaces(obstacles: Obstacles, object_poses: np.ndarray) -> Iterator[LevelSurface]:
+def _surfaces(obstacles: Obstacles, object_poses: np.ndarray) -> Iterator[FlatSurface]:
     """Yield the surfaces of all objects that are never carried."""
     objects = [*obstacles.scene.values()]
-    for shape in obstacles.shapes:
+    for shape, normals in zip(obstacles.shapes, obstacles.face_normals):
         row = shape.link - obstacles.n_links
-        if row >= 0 and not shape.radius and not objects[row].attachments:
-            yield from _top(shape, row, object_poses[row])
+        if row >= 0 and not objects[row].attachments:
+            yield from _tops(shape, normals, row, object_poses[row])
     for row, each in enumerate(objects):
         for flat in each.link.collisions:
             if flat.kind == "plane":
                 pose = object_poses[row]
                 normal = rotate(pose[3:], rotate(flat.pose[3:], np.array(flat.size)))
-                if normal[2] > UPRIGHT:
+                if normal[2] > FLAT:
                     point = pose[:3] + rotate(pose[3:], flat.pose[:3])
-                    yield LevelSurface(row, float(point[2]), REACH, None)
+                    yield FlatSurface(row, _plane(normal, point @ normal), REACH, None)
 
 
-def _top(shape: ConvexShape, row: int, pose: np.ndarray) -> Iterator[LevelSurface]:
-    """Yield the top of a shape, if it is level."""
-    points = pose[:3] + rotate(pose[3:], shape.points)
-    height = float(points[:, 2].max())
-    corners = np.array(support_polygon(points[points[:, 2] > height - FLAT, :2]))
-    x, y = corners.T
-    area = 0.5 * (x * np.roll(y, -1) - np.roll(x, -1) * y).sum()
-    if area >= LEAST_AREA:
-        thickness = float(np.ptp(points[:, 2]))
-        yield LevelSurface(row, height, min(REACH, thickness / 2), corners)
+def _tops(
+    shape: ConvexShape, normals: np.ndarray, row: int, pose: np.ndarray
+) -> Iterator[FlatSurface]:
+    """Yield the flat upper sides of a shape; normals are those of its faces."""
+    points, normals = (
+        pose[:3] + rotate(pose[3:], shape.points),
+        rotate(pose[3:], normals),
+    )
+    normals = normals[normals[:, 2] > FLAT]
+    along = points @ normals.T
+    ends = along.max(axis=0)
+    is_on = along > ends - EVEN
+    known: list[np.ndarray] = []
+    for number in np.argsort(-is_on.sum(axis=0), kind="stable"):
+        own = is_on[:, number]
+        if any((other >= own).all() for other in known):
+            continue  # an uneven part of that surface
+        known.append(own)
+        corners = np.array(support_polygon(points[own, :2]))
+        x, y = corners.T
+        area = 0.5 * (x * np.roll(y, -1) - np.roll(x, -1) * y).sum()
+        if area >= LEAST_AREA:
+            reach = min(REACH, float(np.ptp(along[:, number])) / 2)
+            plane = _plane(normals[number], ends[number])
+            yield FlatSurface(row, plane, reach, corners)
+
+
+def _plane(normal: np.ndarray, offset: float) -> np.ndarray:
+    """Return the factors of the height of a plane, as in ``FlatSurface``."""
+    return np.array([-normal[0], -normal[1], offset]) / normal[2]
+
+
+def _heights(plane: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Return the heights of a plane at points, shape (..., 2) or (..., 3)."""
+    return np.asarray(plane[0] * points[..., 0] + plane[1] * points[..., 1] + plane[2])
 
 
 def _edges(corners: np.ndarray | None) -> np.ndarray:

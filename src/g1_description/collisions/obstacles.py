@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from g1_description.collisions.convex_shapes import (
     posed_links,
     robot_shapes,
     turn,
+    with_soles,
 )
 from g1_description.robot.assembly import bodies_of
 from g1_description.robot.description import Description
@@ -22,6 +24,7 @@ from g1_description.robot.rotation import rotate
 from g1_description.robot.transform import IDENTITY
 from g1_description.scenes.carried import named_link
 from g1_description.scenes.scene import Scene
+from g1_description.sim.meshes.hulls import hull_normals
 
 TOLERANCE = 5e-5
 """Largest difference of hulls from their shapes, in [m]."""
@@ -71,7 +74,7 @@ class Obstacles(ShapeContacts):
         """Names of links, then of objects, in the order of their poses, and FLOOR."""
         self.n_links = len(links)
         """How many of them are links."""
-        shapes = list(of_links)
+        shapes = with_soles(of_links)
         shapes += [replace(s, link=s.link + self.n_links) for s in of_objects]
         self._planes = [
             (row, shape.pose[:3], rotate(shape.pose[3:], np.array(shape.size)))
@@ -101,6 +104,16 @@ class Obstacles(ShapeContacts):
             if pair[1] == plane[0]
             for shape in self.shapes
             if shape.link == pair[0]
+        ]
+
+    @cached_property
+    def face_normals(self) -> list[np.ndarray]:
+        """Directions of the faces of shapes of objects, each once, shapes (k, 3)."""
+        return [
+            np.unique(hull_normals(shape.points)[0].round(9), axis=0)
+            if shape.link >= self.n_links and not shape.radius
+            else np.zeros((0, 3))
+            for shape in self.shapes
         ]
 
     def of_pairs(self, pairs: Sequence[tuple[int, int]]) -> Obstacles:

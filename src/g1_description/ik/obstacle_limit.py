@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from g1_description.collisions.contacts import Contacts
-from g1_description.collisions.obstacles import Obstacles
+from g1_description.collisions.obstacles import FLAT, Obstacles
 from g1_description.ik.limits import (
     INFLUENCE,
     BatchLimit,
@@ -35,9 +35,6 @@ from g1_description.scenes.scene import Scene
 DISTANCE = 0.002
 """Least distance of links from objects, in [m]. Feet and objects that are carried may
 touch others: they are put on them."""
-
-FLAT = np.cos(np.radians(10.0))
-"""Least upward part of the normal of what a link stands on."""
 
 STANDING = 0.01
 """Distance up to which a link stands on an object, in [m]."""
