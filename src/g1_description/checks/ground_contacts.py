@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -16,35 +14,9 @@ from g1_description.checks.thresholds import Thresholds
 from g1_description.collisions.convex_shapes import ConvexShape
 from g1_description.motion.motion import SNAP
 from g1_description.robot.rotation import conjugate, cross, multiply, rotate, to_axes
-from g1_description.sim.meshes.hulls import edge_points
 
 SLIDE_WINDOW = 0.1
 """Time over which a sliding link's speed is averaged, in [s]."""
-
-
-def outlines_of(shapes: Iterable[ConvexShape]) -> list[ConvexShape]:
-    """Join the shapes of each link that have the same radius."""
-    points = defaultdict(list)
-    for shape in shapes:
-        points[shape.link, shape.radius].append(shape.points)
-    return [
-        ConvexShape(row, np.concatenate(parts), radius)
-        for (row, radius), parts in points.items()
-    ]
-
-
-SPACING = 0.02
-"""Distance between points of the outlines on edges of objects, in [m]."""
-
-
-def detailed(shapes: Iterable[ConvexShape]) -> list[ConvexShape]:
-    """Add points to shapes, of which a part may be on an object."""
-    return [
-        shape
-        if shape.radius
-        else replace(shape, points=edge_points(shape.points, SPACING))
-        for shape in shapes
-    ]
 
 
 HYSTERESIS = 2.0
@@ -77,7 +49,11 @@ class Ground:
     """A robot's outlines above a floor."""
 
     def __init__(
-        self, outlines: Sequence[ConvexShape], ends: np.ndarray, thresholds: Thresholds
+        self,
+        outlines: Sequence[ConvexShape],
+        ends: np.ndarray,
+        thresholds: Thresholds,
+        edges: Sequence[ConvexShape] = (),
     ) -> None:
         """Prepare.
 
@@ -86,7 +62,10 @@ class Ground:
             ends: Whether a link is the end of a limb, such as a foot or hand, shape
                 (n_links,). Only these support the robot without touching the floor.
             thresholds: Heights and speeds of contacts.
+            edges: More points of the outlines, for those that are above objects.
         """
+        self._n_outlines = len(outlines)
+        outlines = [*outlines, *edges]
         self._outlines = outlines
         self._outline_rows = [outline.link for outline in outlines]
         self.rows = np.array(sorted({*self._outline_rows}), dtype=int)
@@ -171,6 +150,8 @@ class Ground:
             if below is not None:
                 below[changed, column] = objects[rows, best[rows]]
             is_low = above <= limits.support_height
+            if surfaces is not None and number >= self._n_outlines:
+                is_low &= objects >= 0
             sample = at[np.nonzero(is_low)[0]]
             owners.append(np.stack([sample, np.full_like(sample, column)]))
             low.append(points[is_low])
@@ -193,7 +174,9 @@ class Ground:
             centers = np.swapaxes(link_poses[:, self._outline_rows, :3], 0, 1).copy()
             centers[..., 2] = z
             reaches = self._reaches + self._thresholds.support_height
-            near |= surfaces.reached(centers, reaches)
+            reached = surfaces.reached(centers, reaches)
+            near[: self._n_outlines] |= reached[: self._n_outlines]
+            near[self._n_outlines :] = reached[self._n_outlines :]
         return near
 
     def _points(self, outline: ConvexShape, poses: np.ndarray) -> np.ndarray:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+GAP = 0.1
+"""Longest time between findings of one cause, in [s]."""
+
 
 def runs(mask: np.ndarray) -> list[tuple[int, int]]:
     """List the intervals of samples in which a condition holds.

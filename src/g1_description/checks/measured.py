@@ -8,7 +8,7 @@ from typing import Any, Callable, TypeVar, Union
 
 import numpy as np
 
-from g1_description.checks.ground_contacts import Ground, detailed, outlines_of
+from g1_description.checks.ground_contacts import Ground
 from g1_description.checks.ground_samples import GroundSamples
 from g1_description.checks.support import (
     Balance,
@@ -16,8 +16,8 @@ from g1_description.checks.support import (
 from g1_description.checks.surroundings import Surroundings
 from g1_description.checks.thresholds import Thresholds
 from g1_description.collisions.contacts import Contacts
-from g1_description.collisions.convex_shapes import with_soles
 from g1_description.collisions.obstacles import Obstacles
+from g1_description.collisions.outlines import edges_of, outlines_of, with_soles
 from g1_description.collisions.self_collisions import SelfCollisions
 from g1_description.errors import MotionError
 from g1_description.motion.motion import Motion, Sample, sample
@@ -68,8 +68,12 @@ class CheckedRobot:
         """The root link in the base link, shape (7,); they differ if the root is the
         world."""
         shapes = collisions.shapes
-        outlines = outlines_of(detailed(with_soles(shapes)) if obstacles else shapes)
-        self.ground = Ground(outlines, self.kinematics.end_links(), thresholds)
+        self.ground = Ground(
+            outlines_of(shapes),
+            self.kinematics.end_links(),
+            thresholds,
+            edges_of(with_soles(shapes)) if obstacles else (),
+        )
         self.links = tuple(name for name in description.link_names if name != WORLD)
         """Links in the order of their poses."""
 

@@ -10,9 +10,9 @@ import numpy as np
 
 from g1_description.bounds import MAX_VALUE
 from g1_description.checks.ground_samples import GroundSamples
+from g1_description.checks.intervals import GAP
 from g1_description.checks.surfaces import Surfaces
 from g1_description.checks.thresholds import Level, Thresholds
-from g1_description.checks.verdict import GAP
 from g1_description.collisions.contacts import Contacts
 from g1_description.collisions.obstacles import Obstacles
 from g1_description.robot.description import Description, Inertial, Link

@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
+from g1_description.checks.intervals import GAP
 from g1_description.former import former
 
 if TYPE_CHECKING:
@@ -227,9 +228,6 @@ def _plain(value: Any) -> Any:
         return {key: _plain(part) for key, part in value.items()}
     return [*map(_plain, value)] if isinstance(value, (list, tuple)) else value
 
-
-GAP = 0.1
-"""Longest time between findings of one cause, in [s]."""
 
 BY_LIMBS, BY_TIME = "limbs", "time"
 """Findings of a check have the same cause if they are at the same time and between the

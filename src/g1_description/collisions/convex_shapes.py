@@ -25,9 +25,6 @@ TOLERANCE = 5e-4
 """Largest distance by which thinning may shrink a hull with many points, in [m]:
 PyBullet's run time grows with the number of points."""
 
-THIN = 1e-3
-"""Extent up to which the middles of balls are in a plane, in [m]."""
-
 MAX_SIDES = 256
 """Most sides of a prism for a cylinder."""
 
@@ -98,29 +95,6 @@ def link_shapes(
             )
         ]
     return tuple(found), left_out
-
-
-def with_soles(shapes: Sequence[ConvexShape]) -> list[ConvexShape]:
-    """Add the soles of feet that are only balls in a plane: a plate as thick as these.
-
-    Other things than a floor fit between the balls.
-
-    Args:
-        shapes: The shapes of a robot.
-    """
-    found = list(shapes)
-    for link in sorted({shape.link for shape in shapes}):
-        own = [shape for shape in shapes if shape.link == link]
-        centers = np.concatenate([shape.points for shape in own])
-        radii = {shape.radius for shape in own}
-        if len(own) > 2 and len(centers) == len(own) and len(radii) == 1:
-            axes = np.linalg.svd(centers - centers.mean(axis=0))[2]
-            _, width, height = np.ptp(centers @ axes.T, axis=0)
-            if height < THIN < width:
-                thick = axes[2] * radii.pop()
-                plate = np.concatenate([centers + thick, centers - thick])
-                found.append(ConvexShape(link, plate, 0.0))
-    return found
 
 
 def posed_links(description: Description) -> list[Link]:

@@ -16,8 +16,8 @@ from g1_description.collisions.convex_shapes import (
     posed_links,
     robot_shapes,
     turn,
-    with_soles,
 )
+from g1_description.collisions.outlines import with_soles
 from g1_description.robot.assembly import bodies_of
 from g1_description.robot.description import Description
 from g1_description.robot.rotation import rotate
@@ -68,7 +68,7 @@ class Obstacles(ShapeContacts):
         bodies = [each.link for each in scene.values()]
         of_objects, of_scene = link_shapes(bodies, visual_hulls, TOLERANCE)
         self.notes = tuple(dict.fromkeys((*of_robot, *of_scene)))
-        """Messages on meshes that cannot be read."""
+        """Messages on meshes that cannot be read, and other parts that are ignored."""
         links = [link.name for link in posed_links(description)]
         self.names = (*links, *scene, FLOOR)
         """Names of links, then of objects, in the order of their poses, and FLOOR."""
