@@ -111,6 +111,44 @@ def test_bad_files_are_refused_with_a_sentence(tmp_path, line, sentence):
     assert "scene.yaml" in str(error.value)
 
 
+def test_worlds_say_what_they_lack(tmp_path):
+    shape = "<geometry><mesh><uri>{}</uri></mesh></geometry>"
+    file = tmp_path / "some.world"
+    file.write_text(
+        "<sdf version='1.6'><world name='w'><include><uri>model://none</uri></include>"
+        + TABLE[len("<sdf version='1.6'>") : -len("</sdf>")].replace(
+            "</model>",
+            "<link name='hill'><collision name='c'><geometry><heightmap/></geometry>"
+            "</collision><sensor name='eye' type='camera'/></link></model>",
+        )
+        + "</world></sdf>"
+    )
+    scene = Scene.read(file)
+    assert [*scene] == ["table::top", "table::leg", "table::hill"]
+    assert "include of model://none is ignored" in scene.notes[0]
+    assert "heightmap in collision c" in scene.notes[1]
+    assert len(scene.notes) == 2  # sensors do not matter
+    box = "<geometry><box><size>1 2 0.1</size></box>\n  </geometry>"
+    gone = shape.format("model://none/top.stl")
+    file.write_text(file.read_text().replace(box, gone))
+    with pytest.raises(G1DescriptionError, match="model://none/top"):
+        Scene.read(file)
+
+
+def test_masses_of_meshes_fill_their_boxes(tmp_path):
+    corners = [[x, y, z] for x in (1, 2) for y in (0, 0.4) for z in (0, 0.2)]
+    faces = [(a, b, c) for a in range(8) for b in range(a) for c in range(b)]
+    lines = ["v {} {} {}".format(*corner) for corner in corners]
+    lines += ["f {} {} {}".format(*(n + 1 for n in face)) for face in faces]
+    file = tmp_path / "brick.obj"
+    file.write_text("\n".join(lines))
+    scene = Scene()
+    mesh = scene.mesh("mesh", file, [0, 0, 0], scale=0.5, mass=3.0).link.inertial
+    box = scene.box("box", [0.5, 0.2, 0.1], [0, 0, 0], mass=3.0).link.inertial
+    np.testing.assert_allclose(mesh.center_of_mass, [0.75, 0.1, 0.05], atol=1e-6)
+    np.testing.assert_allclose(mesh.inertia, box.inertia, rtol=1e-5)
+
+
 def test_attachments_do_not_overlap(scene):
     with pytest.raises(G1DescriptionError, match="overlap"):
         scene.attach("box", "torso", 8.0, 10.0)

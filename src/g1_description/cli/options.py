@@ -66,7 +66,7 @@ def scene() -> Any:
 
 
 def scene_of(given: Path | None, motions: Sequence[Path]) -> Scene | None:
-    """Read the scene of ``scene``; None if there is none.
+    """Read the scene of ``scene``, and warn of ignored parts; None if there is none.
 
     Raises:
         SceneError: If it cannot be read.
@@ -78,7 +78,12 @@ def scene_of(given: Path | None, motions: Sequence[Path]) -> Scene | None:
 
     if given is None and len(motions) == 1:
         given = scene_next_to(split(motions[0])[0])
-    return None if given is None else Scene.read(given)
+    if given is None:
+        return None
+    scene = Scene.read(given)
+    for note in scene.notes:
+        say(f"{given}: {note}.", sys.stderr)
+    return scene
 
 
 def motion_file(text: str) -> Path:

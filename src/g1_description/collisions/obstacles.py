@@ -67,7 +67,7 @@ class Obstacles(ShapeContacts):
         of_links, of_robot = robot_shapes(description, visual_hulls, TOLERANCE)
         bodies = [each.link for each in scene.values()]
         of_objects, of_scene = link_shapes(bodies, visual_hulls, TOLERANCE)
-        self.notes = tuple(dict.fromkeys((*of_robot, *of_scene)))
+        self.notes = tuple(dict.fromkeys((*of_robot, *of_scene, *scene.notes)))
         """Messages on meshes that cannot be read, and other parts that are ignored."""
         links = [link.name for link in posed_links(description)]
         self.names = (*links, *scene, FLOOR)

@@ -17,8 +17,10 @@ from g1_description.files.uris import local_path
 from g1_description.robot.arrays import one_pose
 from g1_description.robot.assembly import SCOPE
 from g1_description.robot.description import Inertial, Link, Shape
-from g1_description.robot.rotation import from_rpy
+from g1_description.robot.rotation import from_rpy, to_axes
 from g1_description.robot.transform import IDENTITY
+from g1_description.sim.meshes.hulls import outline
+from g1_description.sim.meshes.shapes import find_meshes
 from g1_description.sim.model import Model
 from g1_description.text import listed
 
@@ -299,12 +301,23 @@ def _color(name: str, given: Any) -> tuple[float, ...]:
 
 
 def _inertial(name: str, shape: Shape, mass: Any) -> Inertial | None:
-    """Compute the mass properties of a solid shape; of a mesh, those of a ball."""
+    """Compute the mass properties of a solid shape; of a mesh, those of its box."""
     if mass is None:
         return None
     (kilograms,) = sizes(name, "mass", mass)
-    if shape.kind == "plane":
+    kind, lengths, middle = shape.kind, shape.size, np.zeros(3)
+    if kind == "plane":
         raise InvalidValueError(f"{name} is a plane and cannot have a mass.")
-    lengths = shape.size if shape.kind in INERTIAS else (0.1,)
-    moments = INERTIAS.get(shape.kind, INERTIAS["sphere"])(*lengths)
-    return Inertial(kilograms, np.zeros(3), kilograms * np.diag(moments))
+    if kind == "mesh":
+        meshes, left_out = find_meshes([shape])
+        if left_out:
+            raise InvalidValueError(f"{name} cannot have a mass: {left_out[0]}.")
+        points = outline(shape, meshes)[0]
+        low, high = points.min(axis=0), points.max(axis=0)
+        kind, lengths, middle = "box", high - low, (low + high) / 2.0
+    elif kind == "capsule":
+        kind, lengths = "cylinder", (lengths[0], lengths[1] + lengths[0])
+    moments = kilograms * np.diag(INERTIAS[kind](*lengths))
+    axes = to_axes(shape.pose[3:])
+    center = shape.pose[:3] + axes @ middle
+    return Inertial(kilograms, center, axes @ moments @ axes.T)

@@ -32,12 +32,20 @@ MAX_NAME = 200
 class Scene(Mapping[str, SceneObject]):
     """Objects by name, in the order in which they were added."""
 
-    def __init__(self, objects: Collection[SceneObject] = ()) -> None:
+    def __init__(
+        self, objects: Collection[SceneObject] = (), notes: Collection[str] = ()
+    ) -> None:
         """Begin with some objects.
+
+        Args:
+            objects: The objects.
+            notes: Messages on parts of a file that are ignored.
 
         Raises:
             InvalidValueError: If two have one name, or there are too many.
         """
+        self.notes = tuple(notes)
+        """Messages on parts of its file that are ignored, such as missing models."""
         self._objects: dict[str, SceneObject] = {}
         for each in objects:
             self.add(each)
@@ -67,7 +75,7 @@ class Scene(Mapping[str, SceneObject]):
 
     def copy(self) -> Scene:
         """Return a scene of the same objects."""
-        return Scene([*self.values()])
+        return Scene([*self.values()], self.notes)
 
     def add(self, added: SceneObject) -> SceneObject:
         """Add an object.
@@ -241,9 +249,9 @@ class Scene(Mapping[str, SceneObject]):
         Raises:
             G1DescriptionError: If it cannot be read; the message has the reason.
         """
-        objects = read_objects(Path(file))
+        objects, notes = read_objects(Path(file))
         try:
-            return Scene(objects)
+            return Scene(objects, notes)
         except InvalidValueError as error:
             raise SceneError(f"The scene {file} cannot be used: {error}") from error
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from itertools import combinations_with_replacement
@@ -28,6 +29,7 @@ from g1_description.scenes.objects import (
     SceneObject,
     attached,
     described_object,
+    mesh_uri,
     model_objects,
     names_touching,
     object_pose,
@@ -52,6 +54,9 @@ MODELS, ATTACH = "models", "attach"
 SDF_ENDINGS = (".sdf", ".world")
 """Endings of files of SDF."""
 
+IGNORED = re.compile(" is ignored| in collision ")
+"""Messages on parts of a file that are no sensors, plugins or the like."""
+
 TAGS = {
     "box": ("size",),
     "sphere": ("radius",),
@@ -71,16 +76,24 @@ def scene_next_to(motion: Path) -> Path | None:
     return file if file.is_file() else None
 
 
-def read_objects(file: Path) -> list[SceneObject]:
-    """Read the objects of a scene; see ``Scene.read``."""
+def read_objects(file: Path) -> tuple[list[SceneObject], tuple[str, ...]]:
+    """Read objects, and messages on ignored parts; see ``Scene.read``."""
     path = file.expanduser().absolute()
+    notes: dict[str, None] = {}
     try:
         if path.suffix.lower() in SDF_ENDINGS:
-            return objects_of_sdf(find_model(str(path)))
-        content = read_yaml(path)
-        if content is None:
-            raise SceneError("it is empty.")
-        return _from_yaml(_mapping("the file", content), path.parent)
+            models = _models_of_sdf(find_model(str(path)), notes)
+            found = [each for model in models for each in model_objects(model)]
+        else:
+            content = read_yaml(path)
+            if content is None:
+                raise SceneError("it is empty.")
+            found = _from_yaml(_mapping("the file", content), path.parent, notes)
+        for each in found:
+            for shape in (*each.link.collisions, *each.link.visuals):
+                if shape.kind == "mesh":
+                    mesh_uri(each.name, shape.filename)
+        return found, tuple(notes)
     except YamlError as error:
         raise SceneError(f"The scene {file} cannot be used: {error}.") from error
     except G1DescriptionError as error:
@@ -93,15 +106,22 @@ def objects_of_sdf(text: str) -> list[SceneObject]:
     Raises:
         DescriptionError: If it is not SDF.
     """
-    models = read_sdf(text, find_model).models
-    return [
-        each
-        for model in models
-        for each in model_objects(Model(model.name, model.assembly, model.pose))
-    ]
+    return [each for model in _models_of_sdf(text, {}) for each in model_objects(model)]
 
 
-def _from_yaml(content: Mapping[str, Any], folder: Path) -> list[SceneObject]:
+def _models_of_sdf(text: str, notes: dict[str, None]) -> list[Model]:
+    """Read the models of an SDF document; add messages on ignored parts."""
+    content = read_sdf(text, find_model)
+    messages = [*content.left_out]
+    for model in content.models:
+        messages += [f"{model.name}: {m}" for m in model.assembly.left_out]
+    notes.update(dict.fromkeys(filter(IGNORED.search, messages)))
+    return [Model(m.name, m.assembly, m.pose) for m in content.models]
+
+
+def _from_yaml(
+    content: Mapping[str, Any], folder: Path, notes: dict[str, None]
+) -> list[SceneObject]:
     """Read the sections of a file; paths begin at its folder."""
     known = (*SECTIONS, MODELS, ATTACH)
     found: list[SceneObject] = []
@@ -112,7 +132,8 @@ def _from_yaml(content: Mapping[str, Any], folder: Path) -> list[SceneObject]:
             )
         for name, value in _mapping(section, given).items():
             if section == MODELS:
-                found += _model(str(name), dict(_mapping(name, value)), folder)
+                options = dict(_mapping(name, value))
+                found += _model(str(name), options, folder, notes)
             elif section != ATTACH:
                 options = dict(_mapping(name, value))
                 found.append(_shape_of(section, str(name), options, folder))
@@ -178,7 +199,9 @@ def _path(given: object, folder: Path) -> str:
     return text if "://" in text else str(folder / Path(text).expanduser())
 
 
-def _model(name: str, options: dict[str, Any], folder: Path) -> Iterator[SceneObject]:
+def _model(
+    name: str, options: dict[str, Any], folder: Path, notes: dict[str, None]
+) -> Iterator[SceneObject]:
     """Read the links of a model of SDF or URDF, from a file or in the text."""
     keys = ("file", "sdf", "at", "rpy", "quaternion", "may_touch")
     unknown = [key for key in options if key not in keys]
@@ -191,9 +214,11 @@ def _model(name: str, options: dict[str, Any], folder: Path) -> Iterator[SceneOb
     text = BUILT_IN.get(file) or find_model(file) if file else str(options["sdf"])
     pose = object_pose(name, _place(options), options.get("rpy"))
     if "<robot" in text[:2000]:
-        models = [Model(name, Assembly(parse_urdf(text)), pose)]
+        robot = parse_urdf(text)
+        notes.update(dict.fromkeys(f"{name}: {m}" for m in robot.unread))
+        models = [Model(name, Assembly(robot), pose)]
     else:
-        read = read_sdf(text, find_model).models
+        read = _models_of_sdf(text, notes)
         models = [
             Model(
                 name if len(read) == 1 else name + SCOPE + model.name,

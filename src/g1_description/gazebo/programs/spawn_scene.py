@@ -83,6 +83,8 @@ def main() -> None:
         start_node("spawn_scene")
         parameters = read_parameters(SceneParameters)
         scene, gazebo = Scene.read(parameters.scene), GazeboServices(GAZEBO)
+        for note in scene.notes:
+            rospy.logwarn("%s: %s.", parameters.scene, note)
         while True:
             gazebo.wait_for("spawn_sdf_model")
             known = address_of_gazebo()
