@@ -20,6 +20,7 @@ from moveit_messages import (
 from g1_description import Robot, Scene
 from g1_description.errors import G1DescriptionError
 from g1_description.robot.transform import compose
+from g1_description.scenes.moveit import frames_of
 
 
 def attach(body, link, touching=(), weight=0.0):
@@ -83,8 +84,14 @@ def test_an_attached_object_is_where_its_link_is():
     assert scene["can"].may_touch == {"torso_link"}
     assert scene["can"].mass == 0.5
     assert scene["can"].link.visuals[0].color == (1.0, 0.0, 0.0, 1.0)
-    scene.apply(attach(collision_object("", operation=REMOVE), link))
+    let_go = attach(collision_object("", operation=REMOVE), link)
+    assert frames_of(let_go, scene) == frames_of(message, {}) == {link}
+    with pytest.raises(G1DescriptionError, match="frame left_rubber_hand"):
+        scene.apply(let_go)
+    moved = robot.link_poses(robot.neutral, [3.0, 0.2, 0.8, 0, 0, 0, 1])
+    scene.apply(let_go, moved)
     assert scene["can"].attachments == ()
+    np.testing.assert_allclose(scene["can"].pose, expected + np.eye(7)[0] * 2.9)
 
 
 @pytest.mark.parametrize(

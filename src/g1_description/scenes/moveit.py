@@ -68,15 +68,37 @@ def apply_message(
         )
 
 
-def frames_of(message: Any) -> set[str]:
-    """List the frames that a message of MoveIt names, but for the map."""
+def frames_of(message: Any, objects: Objects) -> set[str]:
+    """List the frames that a message needs, but for the map.
+
+    Args:
+        message: As for ``Scene.apply``.
+        objects: The objects before it.
+    """
     if hasattr(message, "world"):
-        held = [each.object for each in message.robot_state.attached_collision_objects]
-        objects = [*message.world.collision_objects, *held]
+        held = message.robot_state.attached_collision_objects
+        free = message.world.collision_objects
     else:
-        objects = [getattr(message, "object", message)]
-    names = {each.header.frame_id for each in objects if each.operation != REMOVE}
+        held = [message] if hasattr(message, "touch_links") else []
+        free = [] if held else [message]
+    bodies = [*free, *(each.object for each in held)]
+    names = {body.header.frame_id for body in bodies if body.operation != REMOVE}
+    for each in held:
+        if each.object.operation == REMOVE:
+            names |= {a.link for _, o in _let_go(objects, each) for a in o.attachments}
+        else:
+            names.add(each.link_name)
     return names - {*WORLDS}
+
+
+def _let_go(objects: Objects, message: Any) -> list[tuple[str, SceneObject]]:
+    """List the objects that a message detaches."""
+    return [
+        (name, each)
+        for name, each in objects.items()
+        if message.object.id in ("", name)
+        and message.link_name in ("", *(one.link for one in each.attachments))
+    ]
 
 
 def _apply(objects: Objects, message: Any, frames: Mapping[str, np.ndarray]) -> None:
@@ -115,10 +137,13 @@ def _attach(objects: Objects, message: Any, frames: Mapping[str, np.ndarray]) ->
     """Attach an object to a link, or let it go."""
     body, link = message.object, message.link_name
     if body.operation == REMOVE:
-        for name, each in objects.items():
-            links = ("", *(one.link for one in each.attachments))
-            if body.id in ("", name) and link in links:
-                objects[name] = replace(each, attachments=())
+        for name, each in _let_go(objects, message):
+            pose = each.pose
+            for one in each.attachments:
+                if one.grip is not None:
+                    place = _known_frame(name, one.link, frames)
+                    pose = compose(place, np.array(one.grip))
+            objects[name] = replace(each, pose=pose, attachments=())
         return
     if body.primitives or body.meshes or body.planes or body.id not in objects:
         _apply(objects, body, frames)
@@ -127,20 +152,29 @@ def _attach(objects: Objects, message: Any, frames: Mapping[str, np.ndarray]) ->
     if message.weight > 0.0:
         free = with_mass(free, message.weight)
     carried = attached(free, link, -np.inf, np.inf)
+    if link in frames:
+        grip = compose(inverse(frames[link]), carried.pose)
+        one = replace(carried.attachments[0], grip=tuple(grip.tolist()))
+        carried = replace(carried, attachments=(one,))
     objects[body.id] = replace(carried, may_touch=touching)
 
 
 def _frame(message: Any, frames: Mapping[str, np.ndarray]) -> np.ndarray:
     """Find the frame of an object in the map."""
     name = message.header.frame_id
-    if name in frames:
-        return frames[name]
-    if name not in WORLDS:
+    if name in WORLDS and name not in frames:
+        return IDENTITY
+    return _known_frame(message.id, name, frames)
+
+
+def _known_frame(owner: str, name: str, frames: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Return the pose of a frame in the map."""
+    if name not in frames:
         raise InvalidValueError(
-            f"The object {message.id} is in the frame {name}, which is not known. Give "
+            f"The object {owner} is in the frame {name}, which is not known. Give "
             "its pose in the map as frames, such as robot.link_poses(positions, base)."
         )
-    return IDENTITY
+    return frames[name]
 
 
 def _pose(message: Any) -> np.ndarray:

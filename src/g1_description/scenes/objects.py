@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any
@@ -51,6 +51,9 @@ class Attachment:
 
     end: float = np.inf
     """When it is let go where it is then, in [s]."""
+
+    grip: tuple[float, ...] | None = field(default=None, compare=False)
+    """T_link_object when MoveIt attached it, if the link's place was known."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -51,7 +51,7 @@ class PlanningScene:
             try:
                 frames = {
                     name: self._map.pose_in_map(IDENTITY, name, rospy.Time())
-                    for name in frames_of(message)
+                    for name in frames_of(message, before)
                 }
                 scene.apply(message, frames)
             except G1DescriptionError as error:
@@ -71,16 +71,17 @@ class PlanningScene:
         if before is not None and _text(before) != text:
             self._call(name, "delete_model", DeleteModel, name)
             before = None
+        held = () if before is None else before.attachments
+        is_let_go = bool(held) and not each.attachments  # where it is
         if before is None:
             self._call(name, "spawn_sdf_model", SpawnModel, name, text, "", pose, "")
-        elif (before.pose != each.pose).any():
+        elif (before.pose != each.pose).any() and not is_let_go:
             state = ModelState(model_name=name, pose=pose)
             self._call(name, "set_model_state", SetModelState, state)
-        held = () if before is None else before.attachments
         if each.attachments and each.attachments != held:
             link = each.attachments[0].link
             self._call(name, "attach_object", AttachObject, name, "", link)
-        elif held and not each.attachments:
+        elif is_let_go:
             self._call(name, "detach_object", DetachObject, name)
 
     def _call(self, name: str, service: str, kind: Any, *arguments: Any) -> None:
