@@ -40,11 +40,16 @@ def test_an_object_goes_where_its_link_goes_and_stays_where_it_is_let_go(make_wo
     world.spawn_urdf("g1", OUR_G1, PLACE)
     robot, box = world.model("g1"), spawn_box(world, [0.3, 0.2, 0.9], rpy=[1, 2, 3])
     grip = held(world, robot, box)
+    cup = spawn_box(world, [0.3, 0.2, 1.0], "cup")
+    on_box = compose(inverse(box.root_poses[0]), cup.root_poses[0])
+    world.attachments.attach(cup, "", box, "link")  # before the box is carried itself
     world.attachments.attach(box, "", robot, "left_hand")
     other = np.array([3.0, 2.0, 1.0, 0.0, 0.6, 0.0, 0.8])
     world.put("g1", other, np.zeros(6))
     world.set_joint_positions("g1", {ELBOW: 1.0})
     assert_poses_close(held(world, robot, box), grip, 1e-9)
+    now = compose(inverse(box.root_poses[0]), cup.root_poses[0])
+    assert_poses_close(now, on_box, 1e-9)
     positions = np.array([[1.0], [0.0]])
     world.motions.play(
         robot, Motion(np.array([0.0, 0.5]), (ELBOW,), positions), world.time_ns

@@ -50,9 +50,15 @@ class Attachments:
         if carrier in self._carried_by(carried):
             raise InvalidValueError(f"{carrier.name} is carried by {carried.name}")
         grip = Grip(carrier, row, carried, tree, np.zeros(7)).renewed()
-        self._grips.pop((carried, tree), None)
         self._grips[carried, tree] = grip
+        in_order = sorted(self._grips.items(), key=lambda item: self._depth(item[1]))
+        self._grips = dict(in_order)
         self._write()
+
+    def _depth(self, grip: Grip) -> int:
+        """Count what carries the carrier of a grip, which follows before it."""
+        others = (each.carried for each in self._grips.values())
+        return sum(grip.carrier in self._carried_by(other) for other in others)
 
     def _carried_by(self, model: Model) -> set[Model]:
         """Collect a model, and all that it carries, directly or not."""
