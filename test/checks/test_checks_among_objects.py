@@ -117,6 +117,8 @@ def test_collisions_with_objects_are_found_and_distances_known():
     assert not ROBOT.check(motion, ["collision"], scene=Scene()).findings
     at_rest = ROBOT.check_state(np.zeros(4), motion.base_poses[-1], scene=scene)
     assert "least_clearance" in at_rest.figures
+    without = ROBOT.check_state(np.zeros(4), scene=scene)
+    assert "place of the robot" in without.skipped["collision"]
 
 
 def test_objects_collide_while_they_are_carried():

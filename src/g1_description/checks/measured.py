@@ -44,6 +44,9 @@ CHUNK = 512
 NO_BASE = "the motion has no base"
 """Reason for which checks of the floor are skipped."""
 
+NO_PLACE = "without a base, the place of the robot among the objects is not known"
+"""Reason for which checks among objects are skipped."""
+
 Value = TypeVar("Value")
 
 
@@ -92,7 +95,9 @@ class CheckedRobot:
         reasons = {
             "no scene is given": need == "objects" and self.obstacles is None,
             "the base is fixed": self.is_fixed and (on_floor or need == "free base"),
-            NO_BASE: (on_floor or (need == "objects" and not self.is_fixed))
+            NO_BASE: on_floor and motion.base_poses is None,
+            NO_PLACE: need == "objects"
+            and not self.is_fixed
             and motion.base_poses is None,
             "the robot has no shapes": on_floor
             and need != "base"
