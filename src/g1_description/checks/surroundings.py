@@ -77,8 +77,9 @@ class Surroundings:
         starts = np.array([each.pose for each in objects]).reshape(-1, 7)
         self.surfaces = Surfaces(obstacles, starts, thresholds.floor_height)
         self._margin = margin_of(thresholds)
-        self.floor = -MAX_VALUE if is_fixed else thresholds.floor_height
-        """Height of the floor in [m]; far below if there is none."""
+        has_floor = not is_fixed and present is None
+        self.floor = thresholds.floor_height if has_floor else -MAX_VALUE
+        """Height of the floor in [m]; far below where objects do not hit any."""
         n_links = obstacles.n_links
         self._links = {n: row for row, n in enumerate(obstacles.names[:n_links])}
         first, second = obstacles.pair_rows.T
