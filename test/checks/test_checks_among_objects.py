@@ -74,6 +74,7 @@ ONLY = ("collision", "penetration", "floating", "skating", "drift")
         (climb(slide=0.2), {"skating"}),
         (climb(slide=0.03), {"drift"}),
         (climb(rise=0.138), {"penetration"}),
+        (climb(rise=0.168), {"floating"}),
         (climb(rise=0.19), {"floating"}),
     ],
 )
@@ -207,7 +208,7 @@ def test_robots_stand_on_what_is_flat_within_ten_degrees(kind, tilt):
 @pytest.mark.parametrize("at", [-0.02, 0.03, 0.07])
 def test_soles_of_balls_stand_on_what_is_between_these(at):
     robot, scene = Robot(), Scene()
-    scene.box("bar", [0.02, 1.0, 0.3], [at, 0.0, 0.15])
+    scene.box("bar", [0.01, 1.0, 0.3], [at, 0.0, 0.15])
     base = [0.0, 0.0, 0.7634 + 0.3, 0.0, 0.0, 0.0, 1.0]
     standing = robot.named_configuration("stand")
     verdict = robot.check_state(standing, base, ONLY[:3], scene=scene)

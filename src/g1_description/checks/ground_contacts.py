@@ -19,6 +19,9 @@ SLIDE_WINDOW = 0.1
 """Time over which a sliding link's speed is averaged, in [s]."""
 
 
+SETTLED = 1e-5
+"""A link that sinks less than this until the next sample, in [m], is set down."""
+
 HYSTERESIS = 2.0
 """A contact ends at this multiple of ``support_speed``, below which it begins."""
 
@@ -151,7 +154,8 @@ class Ground:
                 below[changed, column] = objects[rows, best[rows]]
             is_low = above <= limits.support_height
             if surfaces is not None and number >= self._n_outlines:
-                is_low &= objects >= 0
+                is_part = (level != level[:, :1]).any(axis=1, keepdims=True)
+                is_low &= (objects >= 0) & is_part
             sample = at[np.nonzero(is_low)[0]]
             owners.append(np.stack([sample, np.full_like(sample, column)]))
             low.append(points[is_low])
@@ -357,8 +361,9 @@ def _trim_steps(stood: np.ndarray, heights: np.ndarray, touches: np.ndarray) -> 
     """
     # Not their differences: heights far from the floor are infinite.
     end, rises = len(stood) - 1, heights[1:] > heights[:-1]
+    falls = heights[1:] + SETTLED < heights[:-1]
     for first, last in runs(stood):
-        while 0 < first < last and not (touches[first] or rises[first]):
+        while 0 < first < last and falls[first] and not touches[first]:
             stood[first] = False
             first += 1
         while first < last < end and rises[last - 1] and not touches[last]:

@@ -49,7 +49,7 @@ def outlines_of(shapes: Iterable[ConvexShape]) -> list[ConvexShape]:
     ]
 
 
-SPACING = 0.02
+SPACING = 0.01
 """Distance between points of the outlines on edges of objects, in [m]."""
 
 
