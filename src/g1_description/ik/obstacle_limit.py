@@ -39,6 +39,10 @@ touch others: they are put on them."""
 STANDING = 0.01
 """Distance up to which a link stands on an object, in [m]."""
 
+TAKING = 0.1
+"""Time in [s] for which an object that a link has taken in a trajectory may touch what
+it was put on: there the link could not move, as the object would move with it."""
+
 TOUCHING = 1e-3
 """Room in [m] below which an object is in the way."""
 
@@ -54,6 +58,9 @@ class Held(NamedTuple):
 
     poses: np.ndarray
     """Poses in the frames of these links or else the map, shape (n, n_objects, 7)."""
+
+    is_taken: np.ndarray
+    """Whether a link has taken the object just before, shape (n, n_objects)."""
 
     def placed(self, link_poses: np.ndarray) -> np.ndarray:
         """Return T_map_object, shape (n, n_objects, 7), for T_map_link."""
@@ -102,6 +109,7 @@ class ObstacleScene:
         objects = [*self.scene.values()]
         carriers = np.full((len(times), len(objects)), -1)
         poses = np.empty((len(times), len(objects), 7))
+        is_taken = np.zeros(carriers.shape, dtype=bool)
         names = self.obstacles.names
         holds = holds_of(objects, self._description, _links(course, names))
         for column, some in enumerate(holds):
@@ -109,7 +117,10 @@ class ObstacleScene:
             rows = np.array([names.index(h.link) if h.link else -1 for h in some])
             carriers[:, column] = rows[numbers]
             poses[:, column] = np.array([hold.pose for hold in some])[numbers]
-        return Held(carriers, poses)
+            begins = np.array([hold.begin for hold in some])[numbers]
+            begins = np.maximum(begins, course.times[0])
+            is_taken[:, column] = times < begins + TAKING
+        return Held(carriers, poses, is_taken & (carriers >= 0))
 
     def frame_of(
         self, name: str, times: np.ndarray, course: Course
@@ -225,7 +236,12 @@ class ObstacleLimit(BatchLimit):
         links = np.tile(self._movers, (len(link_poses), 1))
         movers = np.concatenate([links, self._held.carriers], axis=1)
         first, second = movers[found.sample[:, np.newaxis], self._pairs[found.pair]].T
-        moves = np.flatnonzero(first != second)
+        is_near = first != second
+        if len(link_poses) > 1:
+            is_taken = np.pad(self._held.is_taken, ((0, 0), (links.shape[1], 0)))
+            both = is_taken[found.sample[:, np.newaxis], self._pairs[found.pair]]
+            is_near &= ~both.any(axis=1)
+        moves = np.flatnonzero(is_near)
         found, first, second = found[moves], first[moves], second[moves]
         others = [*self._corners(found, objects)]
         rows = np.array([row for row, _ in others], dtype=int)
