@@ -173,16 +173,23 @@ def test_a_box_is_put_down_among_things(g1, standing):
     scene.box("wall", [0.02, 0.5, 0.6], [0.1, 0.55, 1.0])
     scene.attach("box", "left_hand", 0.0, times[-1])
 
-    def deepest(path):
+    def objects_in(path):
         links = motion_links(g1.description, path.motion)
         holds = holds_of(scene.values(), g1.description, links)
-        objects = object_poses(holds, times, links)
+        return object_poses(holds, times, links)
+
+    def deepest(path):
+        objects = objects_in(path)
         poses = g1.forward_kinematics(path.motion.positions, path.motion.base_poses)
         obstacles = Obstacles(g1.description, scene)
         return -obstacles.contacts_among(poses, objects).distance.min(initial=0.0)
 
-    alone = g1.ik_trajectory(times, palms, standing, BASE, **WHOLE)
+    tipping = box_targets(boxes, 0.24, pitch=None)
+    alone = g1.ik_trajectory(times, tipping, standing, BASE, **WHOLE)
     assert deepest(alone) > 0.01
-    path = g1.ik_trajectory(times, palms, standing, BASE, scene=scene, **WHOLE)
-    assert path.message == ""
-    assert deepest(path) < 1e-3
+    for targets, is_level in ((tipping, False), (palms, True)):
+        path = g1.ik_trajectory(times, targets, standing, BASE, scene=scene, **WHOLE)
+        assert path.message == ""
+        assert deepest(path) < 1e-3
+        turned = Rotation.from_quat(objects_in(path)[:, 0, 3:]).apply([0.0, 0.0, 1.0])
+        assert (turned[:, 2].min() > np.cos(np.radians(1.0))) == is_level

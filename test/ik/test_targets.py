@@ -108,7 +108,7 @@ def test_palms_hold_a_box_that_moves(g1):
     boxes = np.concatenate([places, Rotation.from_rotvec(yaw).as_quat()], axis=1)
     standing = g1.named_configuration("stand")
     path = g1.ik_trajectory(
-        times, box_targets(boxes, 0.24), standing, BASE, balance=True
+        times, box_targets(boxes, 0.24, pitch=0.2), standing, BASE, balance=True
     )
     assert path.reached
     for q, base, box in zip(path.motion.positions, path.motion.base_poses, boxes):
@@ -118,8 +118,12 @@ def test_palms_hold_a_box_that_moves(g1):
         across = Rotation.from_quat(box[3:]).apply([0.0, 1.0, 0.0])
         np.testing.assert_allclose(a - b, 0.24 * across, atol=2e-3)
         np.testing.assert_allclose(0.5 * (a + b), box[:3], atol=1e-3)
+        fingers = Rotation.from_quat(box[3:]).apply([np.cos(0.2), 0.0, -np.sin(0.2)])
         for turned, palm, way in zip((left, right), palms, (-across, across)):
-            assert turned.apply(unit(np.array(palm.axis))) @ way > np.cos(ANGLE)
+            axis = unit(np.array(palm.axis))
+            assert turned.apply(axis) @ way > np.cos(ANGLE)
+            ahead = turned.apply(unit(np.cross(axis, np.cross([1.0, 0.0, 0.0], axis))))
+            assert ahead @ fingers > np.cos(ANGLE)
 
 
 @pytest.mark.parametrize("is_function", [False, True])
@@ -210,6 +214,9 @@ UP = [0.0, 0.0, 1.0]
         (Target(look_at=[np.nan, 0, 0]), "look_at of head must be .* of finite num"),
         (Target(look_at=[900, 0, 0]), "look_at of head is 900 m from the robot"),
         (Target(UP, look_at=UP), "look_at of head is at the link itself"),
+        (Target(UP, forward=UP), "forward of head needs a direction"),
+        (Target(direction=UP, axis=[0, 1, 0], forward=UP), "must not be along its dir"),
+        (Target(direction=UP, axis=[1, 0, 0], forward=[0, 1, 0]), "nor the axis along"),
         (Target(rotation=[0, 0, 0, 2]), r"quaternion of head must have .* \(got 2\)"),
         (Target(np.zeros((2, 3))), r"position of head must be one .*shape \(2, 3\)"),
         (Target(UP, point=[0, 0]), "point of head must be x y z in its frame"),
@@ -231,13 +238,14 @@ def test_a_wrong_sample_is_refused_with_its_time(g1):
 
 
 @pytest.mark.parametrize(
-    ("pose", "width", "problem"),
+    ("pose", "width", "pitch", "problem"),
     [
-        ([0, 0, 1], 0.3, "The box must be seven finite numbers"),
-        ([0, 0, 1, 0, 0, 0, 2], 0.3, "The box quaternion must have length 1"),
-        ([0, 0, 1, 0, 0, 0, 1], 300, r"width of the box must be in m.*got 300"),
+        ([0, 0, 1], 0.3, 0.0, "The box must be seven finite numbers"),
+        ([0, 0, 1, 0, 0, 0, 2], 0.3, 0.0, "The box quaternion must have length 1"),
+        ([0, 0, 1, 0, 0, 0, 1], 300, 0.0, r"width of the box must be in m.*got 300"),
+        ([0, 0, 1, 0, 0, 0, 1], 0.3, "up", r"pitch must be a number in rad.*got up"),
     ],
 )
-def test_a_wrong_box_is_refused_in_a_sentence(pose, width, problem):
+def test_a_wrong_box_is_refused_in_a_sentence(pose, width, pitch, problem):
     with pytest.raises(InvalidValueError, match=problem):
-        box_targets(pose, width)
+        box_targets(pose, width, pitch=pitch)

@@ -12,7 +12,16 @@ from g1_description.bounds import NORM_TOLERANCE
 from g1_description.errors import InvalidValueError
 from g1_description.ik.tasks import NEAREST, LinkTask
 from g1_description.robot.arrays import as_poses
-from g1_description.robot.rotation import IDENTITY, normalized, rotate
+from g1_description.robot.rotation import (
+    IDENTITY,
+    cross,
+    from_axis_angle,
+    from_rotation_vector,
+    multiply,
+    normalized,
+    rotate,
+    turn_between,
+)
 
 ROTATION_WEIGHT = 0.3
 """Weight of rotation errors in [rad], against position errors in [m]."""
@@ -30,11 +39,17 @@ FORMS = {
     "position": (3, "x y z in m"),
     "rotation": (4, "a quaternion x y z w"),
     "direction": (3, "x y z along the world's axes"),
+    "forward": (3, "x y z along the world's axes"),
     "look_at": (3, "x y z in m"),
     "axis": (3, "x y z in its frame"),
     "point": (3, "x y z in its frame"),
 }
 """Lengths and forms of the fields of a target."""
+
+X_AXIS = np.array([1.0, 0.0, 0.0])
+
+NEARLY_PARALLEL = 1e-3
+"""Sine of an angle up to which two vectors give no turn about one of them."""
 
 OF_LINK = "axis", "point"
 """Fields that do not change from sample to sample."""
@@ -56,8 +71,12 @@ class Target:
     world's, shape (..., 4)."""
 
     direction: Any = None
-    """Vector in the world along which the axis points, shape (..., 3); any turn about
-    it will do."""
+    """Vector in the world along which the axis points, shape (..., 3)."""
+
+    forward: Any = None
+    """Vector in the world along which the link's x axis, that of the fingers of hands,
+    points as far as the direction of the axis allows, shape (..., 3); None: any turn
+    about the direction will do."""
 
     look_at: Any = None
     """Place in the world at which the axis points, from the link's point, x y z in [m],
@@ -72,8 +91,8 @@ class Target:
     named point, else its origin."""
 
     relative_to: str | None = None
-    """Object of the scene in whose frame position, rotation, direction and look_at are,
-    wherever it is carried; None: the world's."""
+    """Object of the scene in whose frame position, rotation, direction, forward and
+    look_at are, wherever it is carried; None: the world's."""
 
 
 def box_targets(
@@ -82,8 +101,9 @@ def box_targets(
     left: str = "left_palm",
     right: str = "right_palm",
     relative_to: str | None = None,
+    pitch: float | None = 0.0,
 ) -> dict[str, Target]:
-    """Put both palms on the sides of a box, facing each other.
+    """Put both palms on the sides of a box, facing each other, as it turns.
 
     Args:
         pose: Pose of the centre of the box in the world, x y z in [m] and quaternion
@@ -92,12 +112,14 @@ def box_targets(
         left: Named point of the left palm, whose axis is where it faces.
         right: That of the right palm.
         relative_to: Object of the scene in whose frame the pose is; None: the world.
+        pitch: Of the fingers below the x axis of the box, in [rad]; None: any, which
+            changes along a path, so that a box tips with the hand that carries it.
 
     Returns:
-        Targets by name; the palms may turn about the line between them.
+        Targets by name.
 
     Raises:
-        InvalidValueError: If pose or width is invalid.
+        InvalidValueError: If pose, width or pitch is invalid.
     """
     poses, widths = as_poses(pose, "box"), _numbers(width)
     fits = widths.shape in ((), poses.shape[:-1])
@@ -106,11 +128,19 @@ def box_targets(
             f"The width of the box must be in m, from 0 to {FARTHEST_POINT:g}, one or "
             f"as many as there are poses (got {str(width)[:40]})."
         )
-    left_side = rotate(poses[..., 3:], np.array([0.0, 1.0, 0.0]))
+    if pitch is not None and not (is_number(pitch) and np.isfinite(pitch)):
+        raise InvalidValueError(
+            f"pitch must be a number in rad, or None (got {str(pitch)[:40]})."
+        )
+    left_side, forward = rotate(poses[..., 3:], np.array([0.0, 1.0, 0.0])), None
+    if pitch is not None:
+        fingers = np.array([np.cos(pitch), 0.0, -np.sin(pitch)])
+        forward = rotate(poses[..., 3:], fingers)
     return {
         name: Target(
             poses[..., :3] + 0.5 * widths[..., np.newaxis] * side,
             direction=-side,
+            forward=forward,
             relative_to=relative_to,
         )
         for name, side in ((left, left_side), (right, -left_side))
@@ -194,6 +224,10 @@ def read_task(
         raise InvalidValueError(
             f"The direction of {name} needs an axis of the link that points along it."
         )
+    if "forward" in given and "direction" not in given:
+        raise InvalidValueError(
+            f"The forward of {name} needs a direction to which it is added."
+        )
     if not turned and "position" not in given:
         raise InvalidValueError(
             f"The target of {name} needs a position, rotation, direction or look_at."
@@ -205,14 +239,19 @@ def read_task(
     is_given = np.repeat(["position" in given, bool(turned)], 3)
     axis = read.get("axis")
     if axis is None and "look_at" in given:
-        axis = np.array([1.0, 0.0, 0.0])
+        axis = X_AXIS
+    direction = read.get("direction")
+    if "forward" in given:
+        assert axis is not None and direction is not None
+        rotation = _rotation(name, axis, direction, read["forward"])
+        axis = direction = None
     return LinkTask(
         link,
         np.concatenate([place, rotation], axis=-1),
         POSE_WEIGHTS * is_given,
         read.get("point", np.zeros(3)),
         axis,
-        read.get("direction"),
+        direction,
         read.get("look_at"),
     )
 
@@ -309,7 +348,7 @@ def _read(form: str, name: str, given: Any, times: np.ndarray | None) -> np.ndar
                 f"{label}{_when(is_wrong, times)} must have length 1 (got {wrong:.6g})."
             )
         numbers = normalized(numbers)
-    elif form in ("axis", "direction"):
+    elif form in ("axis", "direction", "forward"):
         is_wrong = lengths[..., 0] == 0.0
         if is_wrong.any():
             raise InvalidValueError(
@@ -322,6 +361,24 @@ def _read(form: str, name: str, given: Any, times: np.ndarray | None) -> np.ndar
             f"axis: points are in m, at most {FARTHEST_POINT:g} m away."
         )
     return np.broadcast_to(numbers, (*samples, width))
+
+
+def _rotation(
+    name: str, axis: np.ndarray, direction: np.ndarray, forward: np.ndarray
+) -> np.ndarray:
+    """Find rotations that take an axis to directions, and x as near forward as then."""
+    lengths = np.linalg.norm(cross(direction, forward), axis=-1)
+    if min(lengths.min(), np.linalg.norm(cross(axis, X_AXIS))) < NEARLY_PARALLEL:
+        raise InvalidValueError(
+            f"The forward of {name} must not be along its direction, nor the axis "
+            "along the x axis of the link."
+        )
+    turn = from_rotation_vector(turn_between(axis, direction))
+    now = rotate(turn, X_AXIS)
+    sine = (direction * cross(now, forward)).sum(axis=-1)
+    along = [(direction * each).sum(axis=-1) for each in (now, forward)]
+    cosine = (now * forward).sum(axis=-1) - along[0] * along[1]
+    return multiply(from_axis_angle(direction, np.arctan2(sine, cosine)), turn)
 
 
 def _when(is_wrong: np.ndarray, times: np.ndarray | None) -> str:
