@@ -25,6 +25,9 @@ NEAREST = 0.01
 """Distance of a point that an axis points at from the axis' own, in [m]: nearer ones
 count as that far away."""
 
+FAR = np.array([0.05, 0.2])
+"""Errors from which on they pull with a constant force, in [m] and [rad]."""
+
 ROWS = 6
 """Rows of a task: displacements along the world's axes, then about them."""
 
@@ -160,6 +163,21 @@ def errors_of(displacements: np.ndarray) -> np.ndarray:
     """
     shape = (*displacements.shape[:-1], displacements.shape[-1] // ROWS, 2, 3)
     return np.asarray(np.linalg.norm(displacements.reshape(shape), axis=-1))
+
+
+def factors_of(displacements: np.ndarray) -> np.ndarray:
+    """Weaken errors that are large, so that they pull with a constant force.
+
+    Source: Huber, Annals of Mathematical Statistics 35, 1964.
+
+    Args:
+        displacements: As for ``errors_of``.
+
+    Returns:
+        Factors of their squares, shape (..., n_rows).
+    """
+    errors = np.maximum(errors_of(displacements), FAR)
+    return np.repeat((FAR / errors).reshape(len(errors), -1), 3, axis=1)
 
 
 def _aim(

@@ -37,7 +37,7 @@ from g1_description.ik.solver import (
     search,
 )
 from g1_description.ik.splines import ControlBounds, Quadratic, Rows, excess, minimized
-from g1_description.ik.tasks import errors_of, matrix_of, weights_of
+from g1_description.ik.tasks import errors_of, factors_of, matrix_of, weights_of
 from g1_description.robot.rotation import conjugate, multiply, to_rotation_vector
 
 GUESS_PERIOD = 0.3
@@ -45,9 +45,6 @@ GUESS_PERIOD = 0.3
 
 GUESS_STEPS = 5
 """Most steps of these searches."""
-
-FAR = np.array([0.05, 0.2])
-"""Errors from which on they pull with a constant force, in [m] and [rad]."""
 
 MAX_SMOOTHINGS = 1000
 """Most averages of a first guess."""
@@ -83,11 +80,15 @@ LEAST_STEP = 1e-3
 LARGEST_STEP = 0.1
 """Change of a control point in a step, in [rad] or [m]."""
 
-MAX_STEPS = 15
-"""Most steps."""
+MAX_STEPS, ALL_STEPS, LAST_STEPS = 15, 18, 5
+"""Most steps of a search, of all searches but for the last one, and of this one, as of
+repeats where targets are out of reach."""
 
 TRIES = 3
 """Random starts at which other configurations for the first sample are searched."""
+
+PROMISING = 0.5
+"""Cost of another guess, relative to the first one, up to which it is improved."""
 
 SPREAD = 1.0
 """Largest distance of these from the start, in [rad] or [m]."""
@@ -145,6 +146,7 @@ class Trajectory:
         self._still = np.tile(self._posture, (self._splines.count, 1))
         self._reach = SHARE * problem.speeds
         self._regular = self._regular_cost()
+        self._steps_left = ALL_STEPS
 
     def _bounds(self, control: np.ndarray) -> list[ControlBounds]:
         """Bound control points and their differences of both orders.
@@ -186,19 +188,24 @@ class Trajectory:
         """
         times, found = self._problem.times, self._best()
         periods = np.floor((times - times[0]) / PERIOD)
+        if found.badness > 1.0:
+            self._steps_left = min(self._steps_left, LAST_STEPS)
+        is_last = False
         for repeat in range(REPEATS + 1):
             samples = self._linearizations(found)
             excesses = np.array([sample.excesses for sample in samples])
-            is_late = repeat >= REPEATS - 1
+            is_late = repeat >= REPEATS - 1 or not self._steps_left
             least = DEEP if is_late else TOLERANCE[0]
             beyond = np.flatnonzero((excesses > least).any(axis=1))
             is_within = not len(beyond) and not self._splines.turns_too_fast(found.view)
-            if is_within or repeat == REPEATS:
+            if is_within or is_last:
                 break
             near = np.flatnonzero(np.isin(periods, periods[beyond]))
-            begin = found.view.control
-            if is_late and len(beyond):
-                near, begin = np.arange(len(times)), self._still
+            begin, is_last = found.view.control, is_late
+            if is_last:
+                self._steps_left = LAST_STEPS
+                if len(beyond):
+                    near, begin = self._splines.rows(0.5 * PERIOD), self._still
             self._limited = np.union1d(self._limited, near)
             found = self.improved(self._state(begin))
         return found, samples
@@ -206,19 +213,19 @@ class Trajectory:
     def _best(self) -> Candidate:
         """Search from the nearest configuration, and from another one if that misses.
 
-        Of the others that is improved which promises most, and at last standing
-        still, where that is better.
+        The one that promises most is improved, and standing still, where better.
         """
         start = self._problem.start
         given = self._problem.constraints.at(0, self._course([start]))
         tasks = [task.at(0) for task in self._problem.tasks]
         first, _ = last(search(self._solver, start, tasks, given, start.position))
-        best = self.improved(self._state(self.guess(first.configuration)))
+        guess = self._state(self.guess(first.configuration))
+        best = self.improved(guess)
         if best.badness <= 1.0:
             return best
         others = [self._state(self.guess(one)) for one in self._others(first)]
-        if others:
-            promising = min(others, key=attrgetter("cost"))
+        promising = min([guess, *others], key=attrgetter("cost"))
+        if promising.cost < PROMISING * guess.cost:
             best = min(best, self.improved(promising), key=attrgetter("cost"))
         still = self._state(self._still)
         return self.improved(still) if still.cost < best.cost else best
@@ -306,7 +313,8 @@ class Trajectory:
     def improved(self, state: Candidate) -> Candidate:
         """Improve control points step by step, until that does not help."""
         largest = LARGEST_STEP
-        for number in range(1, MAX_STEPS + 1):
+        for number in range(1, min(MAX_STEPS, self._steps_left) + 1):
+            self._steps_left -= 1
             step = self._step(state, largest)
             after = self._state(state.view.control + step, state.bounds)
             if after.cost >= state.cost:
@@ -331,7 +339,7 @@ class Trajectory:
             bounds: Theirs; None: those of rotations that stay as they are.
         """
         view = self._splines.view(control)
-        factors = self._factors(view)
+        factors = factors_of(view.displacements)
         squares = (self._weights * view.displacements) ** 2 * factors
         # Half as steep as a square, from FAR on.
         cost = self._share * float((squares * (2.0 - factors)).sum())
@@ -396,17 +404,6 @@ class Trajectory:
             for row in every.tolist()
         ]
 
-    def _factors(self, view: SampledView) -> np.ndarray:
-        """Weaken errors that are large, so that they pull with a constant force.
-
-        Source: Huber, Annals of Mathematical Statistics 35, 1964.
-
-        Returns:
-            Factors of their squares, shape (n, n_rows).
-        """
-        errors = np.maximum(errors_of(view.displacements), FAR)
-        return np.repeat((FAR / errors).reshape(len(errors), -1), 3, axis=1)
-
     def _regular_cost(self) -> Quadratic:
         """Return the cost of accelerations and of other postures."""
         width = len(self._splines.moves)
@@ -423,7 +420,7 @@ class Trajectory:
         """Minimize the linearized cost; return the change of control points."""
         view, control = state.view, state.view.control
         matrix = matrix_of(self._problem.tasks, view.jacobians, view.points)
-        weights = self._weights * np.sqrt(self._factors(view))
+        weights = self._weights * np.sqrt(factors_of(view.displacements))
         matrix = self._splines.in_columns(
             weights[..., np.newaxis] * matrix, view.columns
         )
