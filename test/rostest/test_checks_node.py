@@ -3,6 +3,7 @@
 import math
 import threading
 import unittest
+from dataclasses import replace
 
 import numpy as np
 import rosgraph
@@ -35,7 +36,8 @@ from visualization_msgs.msg import Marker, MarkerArray
 from g1_description import Robot, Scene
 from g1_description.robot.urdf import parse_urdf
 from g1_description.ros.conversions import transform
-from g1_description.scenes.scene_file import sdf_of
+from g1_description.scenes.objects import Attachment
+from g1_description.scenes.scene_file import yaml_of
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
@@ -109,14 +111,20 @@ class TestChecks(unittest.TestCase):
             return ["torso_link", "box"] in [f.subject for f in found]
 
         try:
-            scene.publish(String(sdf_of([box])))
+            scene.publish(String(yaml_of([box])))
             wait_for(collides, "a collision with the box")
+            for robot, is_free in (("left", True), ("other", False)):
+                hold = Attachment(f"{robot}::torso_link")
+                scene.publish(String(yaml_of([replace(box, attachments=(hold,))])))
+                wait_for(
+                    lambda free=is_free: collides() != free, f"{robot} to carry it"
+                )
             wait_for(states.get_num_connections, "a reader of object_states")
             away = Pose(Point(3.0, 0.0, 1.0), Quaternion(w=1.0))
             states.publish(LinkStates(["box", "other"], [away] * 2, [Twist()] * 2))
             wait_for(lambda: not collides(), "the box away from the robot")
         finally:
-            scene.publish(String(sdf_of([])))
+            scene.publish(String(yaml_of([])))
             scene.unregister()
 
     def test_a_limit_is_told_with_its_size(self):

@@ -56,7 +56,7 @@ from g1_description.gazebo.programs import spawn_model, spawn_robot
 from g1_description.gazebo.programs.planning_scene import PlanningScene
 from g1_description.gazebo.programs.spawn_model import GazeboServices
 from g1_description.scenes.scene import Scene
-from g1_description.scenes.scene_file import objects_of_sdf, sdf_of
+from g1_description.scenes.scene_file import objects_of_yaml, sdf_of
 
 SHELF = REPOSITORY / "test" / "data" / "shelf.world"
 MODELS = ["ground_plane", "shelf", "cube"]
@@ -100,7 +100,7 @@ def test_objects_are_published_to_who_comes_and_when_they_change(simulator):
     names = ["shelf::leg", "shelf::board", "cube"]
 
     def names_in(message):
-        return [each.name for each in objects_of_sdf(message.data)]
+        return [each.name for each in objects_of_yaml(message.data)]
 
     scene.wait(lambda message: names_in(message) == names)
     states.wait(lambda message: message.name == names)
@@ -130,7 +130,7 @@ def test_objects_of_moveit_come_move_and_go(simulator):
     objects = Listener("/gazebo/scene", String)
 
     def is_there(message):
-        return "can" in [each.name for each in objects_of_sdf(message.data)]
+        return "can" in [each.name for each in objects_of_yaml(message.data)]
 
     def height():
         if "can" not in simulator.models():

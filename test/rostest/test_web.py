@@ -6,6 +6,7 @@ What needs no browser is in test/web/test_web_page.py.
 import re
 from dataclasses import replace
 from threading import Event
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -27,10 +28,12 @@ from support.ros_testing import Connected, position_of, service, wait_for
 
 import g1_description
 from g1_description.cli import doctor
+from g1_description.robot.urdf import parse_urdf
 from g1_description.ros.conversions import pose_from_array, robot_state_from_message
 from g1_description.ros.log import ThrottledLog
+from g1_description.scenes.objects import COLOR
 from g1_description.scenes.scene import Scene
-from g1_description.scenes.scene_file import sdf_of
+from g1_description.scenes.scene_file import yaml_of
 from g1_description.web.live_scene import LiveScene
 from g1_description.web.live_simulator import LiveSimulator
 
@@ -275,7 +278,7 @@ def test_objects_of_the_simulator_come_move_and_go():
     given = Scene()
     given.box("box", [0.1, 0.2, 0.3], [1, 2, 3], mass=2.0)
     given.plane("wall", [1, 0, 0], [0, 0, 0])
-    scene.publish(sdf_of([*given.values()]))
+    scene.publish(yaml_of([*given.values()]))
     wait_for(lambda: [*world.shown()[0]] == ["box", "wall"], "two objects")
     look = world.shown()[0]["box"].patches
     pose = np.array([4.0, 5.0, 6.0, 0.0, 0.0, 0.6, 0.8])
@@ -285,18 +288,22 @@ def test_objects_of_the_simulator_come_move_and_go():
     np.testing.assert_array_equal(world.shown()[1]["box"], pose)
     np.testing.assert_array_equal(world.scene()["box"].pose, pose)
     scene.publish("<nonsense")
-    scene.publish(sdf_of([given["box"]]))
+    scene.publish(yaml_of([given["box"]]))
     wait_for(lambda: [*world.shown()[0]] == ["box"], "one object")
     assert world.shown()[0]["box"].patches is look  # so nothing is sent again
     world.watch(False)
 
 
 def test_objects_of_a_page_are_models_of_the_simulator():
-    world = LiveScene(LiveSimulator("gazebo"), Event(), ThrottledLog())
-    world.watch(True)
     models = service("/gazebo/get_world_properties", GetWorldProperties)
-    scene = Scene()
-    box = scene.box("page_box", [0.1, 0.1, 0.1], [2.0, 3.0, 0.5])
+    description = parse_urdf(rospy.get_param("/robot_description"))
+    robot = SimpleNamespace(name="g1_robot", description=description)
+    given = LiveSimulator("gazebo"), Event(), ThrottledLog(), [robot]
+    world = LiveScene(*given)
+    world.watch(True)
+    scene, touching = Scene(), ["right_hand"]
+    at = [2.0, 3.0, 0.5]
+    box = scene.box("page_box", [0.1, 0.1, 0.1], at, may_touch=touching)
     world.add(box)
 
     def is_at(name, place):
@@ -309,6 +316,13 @@ def test_objects_of_a_page_are_models_of_the_simulator():
     world.change("page_box", replace(box, link=replace(box.link, name="brick")))
     wait_for(lambda: is_at("brick", [1.0, 3.0, 0.5]), "another name")
     assert "page_box" not in world.shown()[0]
+    world.attach("brick", "left_hand")
+    wait_for(lambda: world.carrier("brick") == "left_hand", "a hand that carries it")
+    brick = world.scene()["brick"]
+    assert [one.link for one in brick.attachments] == ["left_hand"]
+    assert (brick.may_touch, brick.link.collisions[0].color) == ({*touching}, COLOR)
+    world.attach("brick", "")
+    wait_for(lambda: not world.carrier("brick"), "a brick that is let go")
     world.remove("brick")
     wait_for(lambda: not world.shown()[0], "no objects")
     assert {"page_box", "brick"}.isdisjoint(models().model_names)

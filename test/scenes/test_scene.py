@@ -1,5 +1,6 @@
 """Scenes: objects in Python, in YAML and in SDF."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -76,6 +77,12 @@ def test_what_is_saved_is_read_again(scene, tmp_path, ending):
         with pytest.raises(G1DescriptionError, match="attachments"):
             scene.save(tmp_path / "again.world")
         scene.detach("box")
+    leg = scene["table::leg"].link
+    rough = replace(leg.collisions[0], friction=0.3, restitution=0.8)
+    odd = replace(leg, collisions=(rough,), gravity=False)
+    touching = frozenset(["left_hand", "tall: can"])
+    scene.replace(replace(scene["table::leg"], link=odd, may_touch=touching))
+    scene.move("box", np.float32([0.34, 0.1, 1e-5]))
     scene.save(tmp_path / f"again.{ending}")
     again = Scene.read(tmp_path / f"again.{ending}")
     assert {*again} == {*scene}
@@ -83,8 +90,14 @@ def test_what_is_saved_is_read_again(scene, tmp_path, ending):
         np.testing.assert_allclose(again[name].pose, before.pose, atol=1e-12)
         assert again[name].mass == before.mass
         assert again[name].attachments == before.attachments
+        assert again[name].may_touch == before.may_touch
+        assert again[name].link.has_gravity == before.link.has_gravity
         (old,), (new,) = before.link.collisions, again[name].link.collisions
         assert (new.kind, new.size, new.filename) == (old.kind, old.size, old.filename)
+        bounces = new.friction, new.restitution
+        assert bounces == (old.friction, old.restitution)
+    if ending == "yaml":
+        assert "at: [0.34, 0.1, 1.0e-05]" in (tmp_path / "again.yaml").read_text()
 
 
 @pytest.mark.parametrize(

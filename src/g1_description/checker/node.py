@@ -263,7 +263,8 @@ def start(robot: Description, parameters: CheckerParameters) -> None:
         G1DescriptionError: If a file cannot be read.
     """
     log, lock = ThrottledLog(), threading.Lock()
-    objects = CheckedObjects(parameters.read_scene(), parameters.gazebo, log)
+    model, file = rospy.get_namespace().strip("/"), parameters.read_scene()
+    objects = CheckedObjects(robot, model, file, parameters.gazebo, log)
     checker = make_checker(robot, parameters, objects)
     for note in checker.newest()[0].notes:
         rospy.loginfo("%s", note)

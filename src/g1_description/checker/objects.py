@@ -6,32 +6,42 @@ Subscribes: as ros.present_objects
 from __future__ import annotations
 
 import threading
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from g1_description.checks.checker import Checker
+from g1_description.robot.description import Description
 from g1_description.ros.log import ThrottledLog
 from g1_description.ros.present_objects import PresentObjects
+from g1_description.scenes.carried import of_robot
 from g1_description.scenes.scene import Scene
 
 
 class CheckedObjects:
     """Objects of a file, or those in the simulator once it has sent its own."""
 
-    def __init__(self, file: Scene | None, gazebo: str, log: ThrottledLog) -> None:
+    def __init__(
+        self,
+        robot: Description,
+        model: str,
+        file: Scene | None,
+        gazebo: str,
+        log: ThrottledLog,
+    ) -> None:
         """Begin with the objects of the file.
 
         Args:
-            file: Objects; what may touch and carry them holds in the simulator, too.
+            robot: The robot among them.
+            model: Its name in the simulator; empty: it is not known.
+            file: Objects as long as no simulator has sent any.
             gazebo: Namespace of the simulator.
             log: For messages that cannot be used.
         """
         self._present = PresentObjects(gazebo, partial(log.warn, "scene"))
-        self._file, self._lock = file, threading.Lock()
+        self._own = partial(of_robot, robot=robot, model=model)
+        self._scene, self._lock = file, threading.Lock()
         self._sent: Scene | None = None
-        self._scene = file
 
     def newest(self) -> tuple[Scene | None, np.ndarray | None]:
         """Return the objects, another scene for others, and where they are now.
@@ -43,21 +53,12 @@ class CheckedObjects:
         with self._lock:
             sent, poses = self._present.newest()
             if sent is not self._sent and sent is not None:
-                self._sent, self._scene = sent, self._ruled(sent) or None
+                self._sent = sent
+                self._scene = Scene([*self._own(sent.values())]) or None
             if self._scene is None or sent is None:
                 return self._scene, None
             found = [poses[name] for name in self._scene]
             return self._scene, np.array(found).reshape(-1, 7)
-
-    def _ruled(self, sent: Scene) -> Scene:
-        """Let objects of the file be touched and carried as the file has it."""
-        scene = sent.copy()
-        for name in [name for name in sent if name in (self._file or {})]:
-            assert self._file is not None
-            own = self._file[name]
-            free, links = own.may_touch, own.attachments
-            scene.replace(replace(scene[name], may_touch=free, attachments=links))
-        return scene
 
 
 class CheckerAmongObjects:

@@ -66,12 +66,12 @@ class Surroundings:
             link_poses: Poses of its links during the motion.
             is_fixed: Whether its base is fixed, so that there is no floor.
             present: Poses of the objects in the map if they are not those of the scene,
-                shape (n_objects, 7); attachments are ignored then.
+                shape (n_objects, 7).
         """
         objects = [*obstacles.scene.values()]
         if present is not None:
             pairs = zip(objects, present)
-            objects = [replace(x, pose=pose, attachments=()) for x, pose in pairs]
+            objects = [replace(x, pose=pose) for x, pose in pairs]
         self.obstacles, self.objects = obstacles, objects
         self.holds = holds_of(objects, robot, link_poses)
         starts = np.array([each.pose for each in objects]).reshape(-1, 7)
@@ -85,10 +85,9 @@ class Surroundings:
         first, second = obstacles.pair_rows.T
         # Rows of links, -1 for objects.
         self._first = np.where(first < n_links, first, -1)
-        is_known = present is None  # which links carry them
         carried = np.where(first < n_links, -1, first - n_links)
         onto = np.where(second == len(obstacles.names) - 1, carried, second - n_links)
-        self._carried = np.stack([carried, onto]) if is_known else None
+        self._carried = np.stack([carried, onto])
 
     def contacts(self, times: np.ndarray, link_poses: np.ndarray) -> Contacts:
         """Find links, and objects while they are carried, that are near objects.
@@ -109,8 +108,6 @@ class Surroundings:
             poses = poses[0]
         margin, floor = self._margin, self.floor
         found = self.obstacles.contacts_among(link_poses, poses, margin, floor)
-        if self._carried is None:
-            return found
         first, second = self._carried[:, found.pair]
         held = self.held(times)
         is_held = held[found.sample, first] | held[found.sample, second]

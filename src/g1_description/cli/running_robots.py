@@ -23,6 +23,7 @@ from g1_description.ros.present_objects import PresentObjects
 from g1_description.ros.robot_view import RobotView
 from g1_description.ros.waiting import NoAnswerError, wait_until
 from g1_description.scenes.objects import SceneObject
+from g1_description.scenes.scene import Scene
 
 JOINTS_TIMEOUT = 10.0
 """Longest wait for the positions of all joints, in [s]."""
@@ -87,9 +88,9 @@ def watch(
         raise
     except (OSError, rospy.ROSException, rosgraph.MasterException) as error:
         raise NoAnswerError(f"lost the connection to the master: {error}.") from error
-    scene = objects.newest()[0]
-    around = [] if scene is None else [*scene.values()]
-    return [view.description for view in views], moments, around
+    robots = [view.description for view in views]
+    scene = objects.placed(robots[0], names[0].strip("/")) or Scene()
+    return robots, moments, [*scene.values()]
 
 
 def _present_objects(notify: Callable[[str], None]) -> PresentObjects:

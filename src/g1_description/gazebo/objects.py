@@ -3,10 +3,10 @@
 A model that was spawned as URDF with movable joints is a robot. The links of all others
 are objects, except for the floor: a static plane at height 0.
 
-Publishes: ~scene (std_msgs/String): an SDF world of all objects, when models come, go
-    or change; ~object_states (gazebo_msgs/LinkStates): the objects that have moved;
-    ~world_markers (visualization_msgs/MarkerArray): what has changed or moved; while
-    there are subscribers, and whole to each new one
+Publishes: ~scene (std_msgs/String): a scene in YAML of all objects, and of the links
+    that carry them, whenever that changes; ~object_states (gazebo_msgs/LinkStates): the
+    objects that have moved; ~world_markers (visualization_msgs/MarkerArray): what has
+    changed or moved; while there are subscribers, and whole to each new one
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import math
 import struct
 import threading
 import time
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import chain
 
@@ -26,13 +27,15 @@ from visualization_msgs.msg import MarkerArray
 from g1_description.errors import InvalidValueError
 from g1_description.gazebo.shape_markers import ShapeMarkers, deleted
 from g1_description.render.patches import object_shapes
+from g1_description.robot.assembly import SCOPE
 from g1_description.robot.rotation import rotate
 from g1_description.ros.log import ThrottledLog
 from g1_description.ros.publisher import DirectPublisher
 from g1_description.ros.wire import LinkStatesEncoder, ready
-from g1_description.scenes.objects import SceneObject, model_objects
+from g1_description.scenes.objects import Attachment, SceneObject, model_objects
 from g1_description.scenes.scene import Scene
-from g1_description.scenes.scene_file import sdf_of
+from g1_description.scenes.scene_file import yaml_of
+from g1_description.sim.attachments import Carriers, tree_of
 from g1_description.sim.model import Model, States
 from g1_description.sim.world import World
 
@@ -88,6 +91,7 @@ class ObjectTopics:
         self._world, self._log = world, log
         self._due = self._refreshed = -math.inf
         self._objects: Objects | None = None
+        self._carriers: Carriers = {}
         self._sent = np.zeros((0, 7))
         self._encoder = LinkStatesEncoder()
         self._scene = _ObjectTopic("~scene", String)
@@ -122,10 +126,13 @@ class ObjectTopics:
         self._sent = (
             np.where(moved[:, None], poses, self._sent) if not is_new else poses
         )
+        carriers = self._world.attachments.carriers()
+        has_changed = is_new or carriers != self._carriers
+        self._carriers = carriers
         if self._scene.takes_new_subscribers() or (
-            is_new and self._scene.has_subscribers
+            has_changed and self._scene.has_subscribers
         ):
-            self._scene.publish(String(sdf_of(objects.at(poses))))
+            self._scene.publish(String(yaml_of(objects.at(poses, carriers))))
         rows = every if self._states.takes_new_subscribers() else moved
         if rows.any() and self._states.has_subscribers:
             names = objects.names
@@ -159,6 +166,8 @@ class Objects:
             log: For objects that cannot be shown.
         """
         self._known = world.link_names, [m.assembly for m in world.models.values()]
+        robots = [model for model in world.models.values() if _is_robot(model)]
+        self._has_robots = len(robots) > 1
         self._models = [
             model
             for model in world.models.values()
@@ -175,6 +184,12 @@ class Objects:
         if wrong:
             log.warn("objects", f"{len(wrong)} objects are not shown: {wrong[0]}")
         self._rows = np.array(rows, dtype=int)
+        self._trees = [
+            (model, tree_of(model, link))
+            for model in self._models
+            for link in model.link_names
+        ]
+        """Model and tree of each link, as ``Attachments`` has them."""
         self._objects = [*scene.values()]
         self.names = tuple(scene)
         """Their names."""
@@ -202,9 +217,17 @@ class Objects:
         twists = [np.zeros((0, 6)), *(model.twists for model in self._models)]
         return np.concatenate(poses)[self._rows], np.concatenate(twists)[self._rows]
 
-    def at(self, poses: np.ndarray) -> list[SceneObject]:
-        """Return the objects at poses in the world, shape (n_objects, 7)."""
-        return [replace(each, pose=at) for each, at in zip(self._objects, poses)]
+    def at(self, poses: np.ndarray, carriers: Carriers) -> Iterator[SceneObject]:
+        """Yield the objects at poses in the world, shape (n_objects, 7).
+
+        Among several robots, the links that carry them are called ``model::link``.
+        """
+        for row, each, pose in zip(self._rows, self._objects, poses):
+            robot, link = carriers.get(self._trees[row], (None, ""))
+            if robot is not None and self._has_robots:
+                link = f"{robot.name}{SCOPE}{link}"
+            held = (Attachment(link),) if robot is not None else ()
+            yield replace(each, pose=pose, attachments=held)
 
 
 def _is_robot(model: Model) -> bool:

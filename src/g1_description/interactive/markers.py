@@ -247,7 +247,9 @@ class InteractiveMarkers:
         if role != self._dragged:
             self._grab(role)
         if self._objects is not None:
-            self._posing.scene = self._objects.placed()
+            model = rospy.get_namespace().strip("/")
+            robot = self._robot.description
+            self._posing.scene = self._objects.placed(robot, model)
         found = self._posing.drag(role, target, self._posing.centers[role])
         if found.reached:
             self._show("", "")

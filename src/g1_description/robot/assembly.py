@@ -100,6 +100,9 @@ class Assembly:
     lumped: dict[str, str] = field(default_factory=dict)
     """Bodies by the names of links that were lumped into them."""
 
+    may_touch: dict[str, frozenset[str]] = field(default_factory=dict)
+    """Names of what may touch links, by link."""
+
     left_out: tuple[str, ...] = ()
     """Messages on elements of the file that are ignored or changed."""
 

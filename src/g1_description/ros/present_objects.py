@@ -17,9 +17,11 @@ from gazebo_msgs.msg import LinkStates
 from std_msgs.msg import String
 
 from g1_description.errors import G1DescriptionError
+from g1_description.robot.description import Description
 from g1_description.ros.conversions import pose_to_array
+from g1_description.scenes.carried import of_robot
 from g1_description.scenes.scene import Scene
-from g1_description.scenes.scene_file import objects_of_sdf
+from g1_description.scenes.scene_file import objects_of_yaml
 
 
 class PresentObjects:
@@ -54,18 +56,28 @@ class PresentObjects:
         """Return the objects, and where they are.
 
         Returns:
-            The scene, another one for other objects, None before the first; and
-            T_map_object, shape (7,), by name.
+            The scene, another one for other objects or attachments, None before the
+            first; and T_map_object, shape (7,), by name. What links of any robot carry
+            now is attached to them at all times; see ``carried.of_robot``.
         """
         with self._lock:
             return self._scene, self._poses
 
-    def placed(self) -> Scene | None:
-        """Return a scene of the objects where they are; None before the first."""
+    def placed(self, robot: Description, model: str = "") -> Scene | None:
+        """Return the objects where they are around a robot, which carries some of them.
+
+        Args:
+            robot: The robot.
+            model: Its name in the simulator; empty: it is not known.
+
+        Returns:
+            A scene; None before the first.
+        """
         scene, poses = self.newest()
         if scene is None:
             return None
-        return Scene([replace(each, pose=poses[n]) for n, each in scene.items()])
+        now = [replace(each, pose=poses[n]) for n, each in scene.items()]
+        return Scene([*of_robot(now, robot, model)])
 
     def close(self) -> None:
         """Unsubscribe."""
@@ -77,7 +89,7 @@ class PresentObjects:
         with self._lock:
             self._moved = {}
         try:
-            scene = Scene(objects_of_sdf(message.data))
+            scene = Scene(objects_of_yaml(message.data))
         except G1DescriptionError as error:
             self._refuse(f"The objects of the simulator cannot be read: {error}")
             return

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from typing import Callable, NamedTuple
 
 import numpy as np
 
 from g1_description.errors import UnknownNameError
 from g1_description.motion.motion import Motion, sample
-from g1_description.robot.assembly import Assembly, root_in_base
+from g1_description.robot.assembly import SCOPE, Assembly, root_in_base
 from g1_description.robot.description import Description
 from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.transform import IDENTITY, compose, inverse
@@ -129,15 +130,47 @@ def named_link(robot: Description, name: str, owner: str) -> str:
     Raises:
         UnknownNameError: If there is none.
     """
-    roles: Mapping[str, str] = robot.profile.links
-    found = name if name in robot.link_names else roles.get(name, "")
-    if found not in robot.link_names:
-        known = listed(similar_first(name, [*roles, *robot.link_names]))
+    found = _link(robot, name)
+    if not found:
+        names = [*robot.profile.links, *robot.link_names]
+        known = listed(similar_first(name, names))
         raise UnknownNameError(
             f"The object {owner} names the link {name}, but {robot.name} has no such "
             f"link. Its roles and links: {known}."
         )
     return found
+
+
+def _link(robot: Description, name: str) -> str:
+    """Return the link of a name or role; empty if there is none."""
+    found = name if name in robot.link_names else robot.profile.links.get(name, "")
+    return found if found in robot.link_names else ""
+
+
+def carrying_links(robot: Description) -> tuple[str, ...]:
+    """List what people let carry objects: hands by their roles, or else all links."""
+    roles = tuple(role for role in robot.profile.links if role.endswith("hand"))
+    return roles or robot.link_names
+
+
+def of_robot(
+    objects: Iterable[SceneObject], robot: Description, model: str = ""
+) -> Iterator[SceneObject]:
+    """Yield objects of a simulator, without the attachments of other robots.
+
+    Args:
+        objects: The objects; links are ``model::link`` where there are several robots.
+        robot: The robot.
+        model: Its name in the simulator; empty: it is not known.
+    """
+    for each in objects:
+        parts = [(one, *one.link.rpartition(SCOPE)) for one in each.attachments]
+        own = tuple(
+            replace(one, link=link)
+            for one, owner, _, link in parts
+            if _link(robot, link) and owner in ("", model or owner)
+        )
+        yield replace(each, attachments=own)
 
 
 def object_poses(

@@ -118,7 +118,7 @@ def shape_object(
             )
     color = _color(name, options.get("color"))
     shape = Shape(kind, tuple(map(float, size)), IDENTITY, file, kind, color=color)
-    inertial = _inertial(name, shape, options.get("mass"))
+    inertial = inertial_of(name, shape, options.get("mass"))
     return SceneObject(
         Link(name, inertial, (shape,), (shape,)),
         object_pose(name, at, options.get("rpy")),
@@ -170,7 +170,7 @@ def described_object(
 
 def with_mass(each: SceneObject, mass: float) -> SceneObject:
     """Give an object a mass in [kg], spread as in a solid of its first shape."""
-    inertial = _inertial(each.name, each.link.collisions[0], mass)
+    inertial = inertial_of(each.name, each.link.collisions[0], mass)
     return replace(each, link=replace(each.link, inertial=inertial))
 
 
@@ -203,7 +203,27 @@ def model_objects(model: Model) -> Iterator[SceneObject]:
         own = replace(model.links[link], name=name)
         if model.assembly.static:
             own = replace(own, inertial=None)
-        yield SceneObject(own, np.array(at))
+        touching = model.assembly.may_touch.get(link, frozenset())
+        yield SceneObject(own, np.array(at), may_touch=touching)
+
+
+def simple_shape(each: SceneObject) -> Shape | None:
+    """Return the only shape of an object, in its frame, with the colour that is seen.
+
+    Returns:
+        None if it has several, or looks otherwise.
+    """
+    shapes, looks = each.link.collisions, each.link.visuals or each.link.collisions
+    if len(shapes) != 1 or len(looks) != 1:
+        return None
+    shape, look = shapes[0], looks[0]
+    is_same = (shape.kind, shape.size, shape.filename) == (
+        look.kind,
+        look.size,
+        look.filename,
+    )
+    is_there = np.array_equal([shape.pose, look.pose], [IDENTITY, IDENTITY])
+    return replace(shape, color=look.color) if is_same and is_there else None
 
 
 def attached(carried: SceneObject, link: str, begin: Any, end: Any) -> SceneObject:
@@ -303,7 +323,7 @@ def _color(name: str, given: Any) -> tuple[float, ...]:
     return tuple([*found.tolist(), 1.0][:4])
 
 
-def _inertial(name: str, shape: Shape, mass: Any) -> Inertial | None:
+def inertial_of(name: str, shape: Shape, mass: Any) -> Inertial | None:
     """Compute the mass properties of a solid shape; of a mesh, those of its box."""
     if mass is None:
         return None

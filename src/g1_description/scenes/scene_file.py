@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import io
+import json
 import re
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 from itertools import combinations_with_replacement
 from pathlib import Path
+from textwrap import indent
 from typing import Any
 
 import numpy as np
@@ -15,8 +16,9 @@ from lxml import etree
 
 from g1_description.errors import G1DescriptionError, SceneError
 from g1_description.files.atomic import write_whole
-from g1_description.files.model_files import find_model
-from g1_description.files.yaml import YamlError, read_yaml
+from g1_description.files.model_files import find_folder, find_model
+from g1_description.files.uris import local_path
+from g1_description.files.yaml import YamlError, parse_yaml, read_yaml
 from g1_description.robot.assembly import SCOPE, Assembly
 from g1_description.robot.description import Link, Shape
 from g1_description.robot.rotation import axes_to_rpy, to_axes
@@ -26,15 +28,19 @@ from g1_description.scenes.moveit import scene_text
 from g1_description.scenes.objects import (
     COLOR,
     SIZES,
+    Attachment,
     SceneObject,
     attached,
     described_object,
+    inertial_of,
     mesh_uri,
     model_objects,
     names_touching,
     object_pose,
+    simple_shape,
 )
 from g1_description.sdf.document import BUILT_IN
+from g1_description.sdf.link import MAY_TOUCH, PREFIX
 from g1_description.sdf.world import read_sdf
 from g1_description.sim.model import Model
 from g1_description.text import listed, similar_first
@@ -66,6 +72,12 @@ TAGS = {
     "mesh": ("scale",),
 }
 """Elements of sizes in SDF."""
+
+
+PLAIN = re.compile(r"[A-Za-z_]\w*", re.ASCII)
+"""Texts that YAML has without quotes, but for ``WORDS``."""
+
+WORDS = ("true", "false", "null", "yes", "no", "on", "off", "y", "n")
 
 
 def scene_next_to(motion: Path) -> Path | None:
@@ -117,6 +129,16 @@ def _models_of_sdf(text: str, notes: dict[str, None]) -> list[Model]:
         messages += [f"{model.name}: {m}" for m in model.assembly.left_out]
     notes.update(dict.fromkeys(filter(IGNORED.search, messages)))
     return [Model(m.name, m.assembly, m.pose) for m in content.models]
+
+
+def objects_of_yaml(text: str) -> list[SceneObject]:
+    """List the objects of a text in YAML.
+
+    Raises:
+        G1DescriptionError: If it is not a scene.
+    """
+    content = parse_yaml(text.encode("utf-8", "surrogateescape"))
+    return _from_yaml(_mapping("the scene", content), Path(), {})
 
 
 def _from_yaml(
@@ -230,7 +252,7 @@ def _model(
     touching = names_touching(name, options.get("may_touch"))
     for model in models:
         for each in model_objects(model):
-            yield replace(each, may_touch=touching)
+            yield replace(each, may_touch=each.may_touch | touching)
 
 
 def write_objects(objects: Collection[SceneObject], file: Path) -> None:
@@ -245,72 +267,91 @@ def write_objects(objects: Collection[SceneObject], file: Path) -> None:
         write_whole(file, sdf_of(objects).encode("utf-8"))
         return
     is_for_moveit = file.suffix.lower() == ".scene"
-    text = scene_text(objects) if is_for_moveit else _yaml(objects)
+    text = scene_text(objects) if is_for_moveit else yaml_of(objects)
     write_whole(file, text.encode("utf-8"))
 
 
-def _yaml(objects: Collection[SceneObject]) -> str:
-    """Write the sections of a file, each object in a line."""
-    from ruamel.yaml import YAML
-    from ruamel.yaml.comments import CommentedMap
-    from ruamel.yaml.scalarstring import LiteralScalarString
-
-    sections = {kind: section for section, kind in SECTIONS.items()}
-    content: dict[str, Any] = {}
+def yaml_of(objects: Iterable[SceneObject]) -> str:
+    """Write objects in YAML, each in a line but for those of SDF."""
+    sections: dict[str, list[str]] = {}
+    held: list[str] = []
+    kinds = {kind: section for section, kind in SECTIONS.items()}
     for each in objects:
-        line = CommentedMap(_line(each))
-        section = MODELS
-        if "sdf" in line:
-            line["sdf"] = LiteralScalarString(line["sdf"])
+        name, shape = _text(each.name), _simple(each)
+        keys = _keys(each, shape)
+        if shape is not None:
+            line = f"  {name}: {_text(keys)}"
+            sections.setdefault(kinds[shape.kind], []).append(line)
         else:
-            line.fa.set_flow_style()
-            section = sections[each.link.collisions[0].kind]
-        content.setdefault(section, {})[each.name] = line
-        if each.attachments:
-            times = []
-            for one in each.attachments:
-                given = {"link": one.link, "from": one.begin, "until": one.end}
-                finite = {k: v for k, v in given.items() if v not in (-np.inf, np.inf)}
-                times.append(CommentedMap(finite))
-                times[-1].fa.set_flow_style()
-            content.setdefault(ATTACH, {})[each.name] = (
-                times[0] if len(times) == 1 else times
-            )
-    if ATTACH in content:
-        content[ATTACH] = content.pop(ATTACH)  # the last section
-    writer = YAML()
-    writer.width = 4096  # type: ignore[assignment]
-    lines = io.StringIO()
-    writer.dump(content, lines)
-    return lines.getvalue()
+            lines = [f"    {key}: {_text(value)}" for key, value in keys.items()]
+            own = replace(each, pose=IDENTITY, may_touch=frozenset())
+            text = indent(sdf_of([own]), 6 * " ").rstrip()
+            some = sections.setdefault(MODELS, [])
+            some += [f"  {name}:", *lines, "    sdf: |", text]
+        times = [_times(one) for one in each.attachments]
+        if times:
+            held.append(f"  {name}: {_text(times if len(times) > 1 else times[0])}")
+    if held:
+        sections[ATTACH] = held
+    whole = [line for name, some in sections.items() for line in (f"{name}:", *some)]
+    return "\n".join([*whole, ""]) if whole else "{}\n"
 
 
-def _line(each: SceneObject) -> dict[str, Any]:
-    """Write an object in YAML: one shape by its sizes, others as SDF."""
-    shapes = each.link.collisions
-    is_simple = (
-        len(shapes) == 1
-        and each.link.visuals == shapes
-        and shapes[0].kind in SIZES
-        and np.array_equal(shapes[0].pose, IDENTITY)
-    )
+def _times(one: Attachment) -> dict[str, Any]:
+    """Write an attachment, without times that are infinite."""
+    given = {"link": one.link, "from": one.begin, "until": one.end}
+    return {k: v for k, v in given.items() if v not in (-np.inf, np.inf)}
+
+
+def _text(value: Any) -> str:
+    """Write a value in a line of YAML, numbers to twelve digits."""
+    if isinstance(value, Mapping):
+        return f"{{{', '.join(f'{key}: {_text(one)}' for key, one in value.items())}}}"
+    if isinstance(value, list):
+        return f"[{', '.join(map(_text, value))}]"
+    if isinstance(value, str):
+        is_plain = PLAIN.fullmatch(value) and value.lower() not in WORDS
+        return value if is_plain else json.dumps(value, ensure_ascii=False)
+    short = np.float32(value)  # as pages have it
+    text = str(short) if float(short) == value else f"{value:.12g}"
+    mantissa, is_scaled, power = text.partition("e")
+    return text if not is_scaled or "." in mantissa else f"{mantissa}.0e{power}"
+
+
+def _simple(each: SceneObject) -> Shape | None:
+    """Return the shape of an object that YAML describes by its sizes; None: by SDF."""
+    shape, own = simple_shape(each), each.link.inertial
+    if shape is None or shape.kind not in SIZES or each.link.gravity is False:
+        return None
+    surface = shape.friction, shape.restitution
+    if shape.color is None or surface != (None, None):
+        return None
+    if shape.kind == "mesh" and local_path(shape.filename, find_folder) is None:
+        return None
+    usual = inertial_of(each.name, shape, each.mass)
+    if own is None or usual is None:
+        return shape
+    is_usual = np.allclose(own.inertia, usual.inertia, 1e-6, 0.0)
+    return shape if is_usual and not own.center_of_mass.any() else None
+
+
+def _keys(each: SceneObject, shape: Shape | None) -> dict[str, Any]:
+    """List the keys of an object, but for SDF."""
     found: dict[str, Any] = {}
-    if not is_simple:
-        found["sdf"] = sdf_of([replace(each, pose=IDENTITY)])
-    elif shapes[0].kind == "mesh":
-        found = {"file": shapes[0].filename, "scale": [*shapes[0].size]}
-    elif len(shapes[0].size) == len(SIZES[shapes[0].kind]):
-        found = dict(zip(SIZES[shapes[0].kind], shapes[0].size))
-    else:
-        (key,) = SIZES[shapes[0].kind]
-        found = {key: [*shapes[0].size]}
+    if shape is not None:
+        names = SIZES[shape.kind]
+        found = dict(zip(names, shape.size))
+        if shape.kind == "mesh":
+            found = {"file": shape.filename, "scale": [*shape.size]}
+        elif len(shape.size) > len(names):
+            found = {key: [*shape.size] for key in names}
     found["at"] = each.pose[:3].tolist()
     if not np.array_equal(each.pose[3:], IDENTITY[3:]):
         found["quaternion"] = each.pose[3:].tolist()
-    if is_simple and each.mass is not None:
+    if shape is not None and each.mass is not None:
         found["mass"] = each.mass
-    if is_simple and shapes[0].color != COLOR:
-        found["color"] = [*(shapes[0].color or COLOR)]
+    if shape is not None and shape.color != COLOR:
+        found["color"] = [*(shape.color or COLOR)]
     if each.may_touch:
         found["may_touch"] = sorted(each.may_touch)
     return found
@@ -350,6 +391,8 @@ def _model_of(
     etree.SubElement(model, "static").text = str(is_static).lower()
     for own, each in links.items():
         link = etree.SubElement(model, "link", name=own)
+        for other in sorted(each.may_touch):
+            etree.SubElement(link, MAY_TOUCH, nsmap=PREFIX).text = other
         if not np.array_equal(each.pose, pose):
             _pose(link, compose(inverse(pose), each.pose))
         _link(link, each.link)
@@ -357,7 +400,9 @@ def _model_of(
 
 
 def _link(element: etree._Element, link: Link) -> None:
-    """Write mass and shapes of a link."""
+    """Write gravity, mass and shapes of a link."""
+    if not link.has_gravity:
+        etree.SubElement(element, "gravity").text = "false"
     if link.inertial is not None:
         inertial = etree.SubElement(element, "inertial")
         etree.SubElement(inertial, "mass").text = repr(link.inertial.mass)
@@ -390,10 +435,23 @@ def _shape(element: etree._Element, shape: Shape) -> None:
         material = etree.SubElement(element, "material")
         for tag in ("ambient", "diffuse"):
             etree.SubElement(material, tag).text = color
-    if element.tag == "collision" and shape.friction is not None:
-        friction = etree.SubElement(etree.SubElement(element, "surface"), "friction")
-        ode = etree.SubElement(friction, "ode")
-        etree.SubElement(ode, "mu").text = repr(shape.friction)
+    if element.tag == "collision":
+        _surface(element, shape)
+
+
+def _surface(element: etree._Element, shape: Shape) -> None:
+    """Write friction and restitution of a collision."""
+    given = (
+        ("friction/ode/mu", shape.friction),
+        ("bounce/restitution_coefficient", shape.restitution),
+    )
+    for path, value in given:
+        if value is not None:
+            holder = element.find("surface")
+            holder = etree.SubElement(element, "surface") if holder is None else holder
+            for tag in path.split("/"):
+                holder = etree.SubElement(holder, tag)
+            holder.text = repr(value)
 
 
 def _pose(element: etree._Element, pose: np.ndarray) -> None:

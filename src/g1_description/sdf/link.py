@@ -27,6 +27,10 @@ from g1_description.sdf.frames import Scope
 from g1_description.sdf.geometry import read_size
 from g1_description.sdf.visuals import read_visuals
 
+PREFIX = {"g1": "urn:g1_description"}
+MAY_TOUCH = f"{{{PREFIX['g1']}}}may_touch"
+"""Element of a link with the name of what may touch it; Gazebo ignores it."""
+
 _TENSOR = {"ixx": 1.0, "ixy": 0.0, "ixz": 0.0, "iyy": 1.0, "iyz": 0.0, "izz": 1.0}
 
 
@@ -53,6 +57,11 @@ def read_link(element: etree._Element, scope: Scope) -> tuple[Link, tuple[str, .
         gravity=flag(element, "gravity", True, f"link {name}"),
     )
     return link, ignored
+
+
+def touching(element: etree._Element) -> frozenset[str]:
+    """Return the names of what may touch a link."""
+    return frozenset(each.text or "" for each in element.findall(MAY_TOUCH))
 
 
 def drop_wrong_inertial(element: etree._Element, scope: Scope) -> str:

@@ -32,7 +32,7 @@ from g1_description.robot.xml_values import (
 )
 from g1_description.sdf.document import INCLUDED
 from g1_description.sdf.frames import MODEL, Frames, Scope
-from g1_description.sdf.link import drop_wrong_inertial, read_link
+from g1_description.sdf.link import drop_wrong_inertial, read_link, touching
 from g1_description.sdf.unsupported import unread
 
 KINDS = (*MOVABLE, "fixed")
@@ -285,6 +285,7 @@ def read_model_element(element: etree._Element, pose: np.ndarray) -> SdfModel:
         root_poses=np.array([*map(frames.pose, roots)]),
         canonical=first if first != description.root else "",
         static=static,
+        may_touch={n.name: touching(e) for (n, _), (e, _) in zip(read, elements)},
         nested=tuple(
             scope.prefix[: -len(SCOPE)]
             for scope, inner in scopes[1:]

@@ -13,6 +13,7 @@ from lxml import etree
 
 from g1_description.files.xml import local_name
 from g1_description.robot.xml_values import read_as
+from g1_description.sdf.link import MAY_TOUCH
 
 _READ = {
     "sdf": "world model light",
@@ -103,7 +104,7 @@ def unread(root: etree._Element) -> tuple[str, ...]:
                     messages[f"{owner} has {count} collisions called {name}"] = None
         for child in element:
             tag = local_name(child)
-            if tag in ("material", "visual"):
+            if tag in ("material", "visual") or child.tag == MAY_TOUCH:
                 continue
             messages[_read_as(child, owner)] = None
             if child.tag not in _READ_IN.get(element.tag, ()):

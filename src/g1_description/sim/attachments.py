@@ -6,6 +6,8 @@ fixes it to the link, so that its mass counts.
 
 from __future__ import annotations
 
+from typing import Dict, Tuple
+
 import numpy as np
 
 from g1_description.errors import InvalidValueError, UnknownNameError
@@ -14,6 +16,10 @@ from g1_description.sim.engine import Engine
 from g1_description.sim.grip import Grip
 from g1_description.sim.model import Model
 from g1_description.text import listed, similar_first
+
+Carriers = Dict[Tuple[Model, int], Tuple[Model, str]]
+"""Models and links that carry the trees of models; links by the names that were given.
+"""
 
 
 class Attachments:
@@ -25,6 +31,10 @@ class Attachments:
 
     def __bool__(self) -> bool:
         return bool(self._grips)
+
+    def carriers(self) -> Carriers:
+        """Return what carries objects."""
+        return {key: (grip.carrier, grip.given) for key, grip in self._grips.items()}
 
     def attach(self, carried: Model, link: str, carrier: Model, to: str) -> None:
         """Let a link carry an object as it is now, also one that another link carries.
@@ -49,7 +59,8 @@ class Attachments:
             )
         if carrier in self._carried_by(carried):
             raise InvalidValueError(f"{carrier.name} is carried by {carried.name}")
-        grip = Grip(carrier, row, carried, tree, np.zeros(7)).renewed()
+        grip = Grip(carrier, row, carried, tree, np.zeros(7), to).renewed()
+        self._grips.pop((carried, tree), None)
         self._grips[carried, tree] = grip
         in_order = sorted(self._grips.items(), key=lambda item: self._depth(item[1]))
         self._grips = dict(in_order)

@@ -26,6 +26,9 @@ class Grip:
     pose: np.ndarray
     """T_link_root, shape (7,)."""
 
+    given: str = ""
+    """The link as its name was given, possibly a role."""
+
     @property
     def link(self) -> str:
         """Name of the link."""

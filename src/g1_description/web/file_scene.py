@@ -18,6 +18,7 @@ from g1_description.scenes.carried import (
     Hold,
     LinkPoses,
     RobotLinks,
+    carrying_links,
     holds_of,
     named_link,
     object_poses,
@@ -93,10 +94,8 @@ class FileScene:
 
     @property
     def links(self) -> tuple[str, ...]:
-        """Links that can carry objects: hands by their roles, or else all links."""
-        robot = self._robot.description
-        roles = tuple(role for role in robot.profile.links if role.endswith("hand"))
-        return roles or robot.link_names
+        """Links that can carry objects."""
+        return carrying_links(self._robot.description)
 
     @_locked
     def shown(self) -> tuple[Mapping[str, SeenObject], Mapping[str, np.ndarray]]:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import threading
 from dataclasses import replace
 from functools import partial
-from typing import Dict, Mapping, Tuple
+from typing import Dict, Mapping, Sequence, Tuple
 
 import numpy as np
 from gazebo_msgs.msg import ModelState
@@ -23,11 +23,13 @@ from g1_description.robot.assembly import SCOPE
 from g1_description.ros.conversions import pose_from_array
 from g1_description.ros.log import ThrottledLog
 from g1_description.ros.present_objects import PresentObjects
+from g1_description.scenes.carried import carrying_links
 from g1_description.scenes.objects import SceneObject
 from g1_description.scenes.scene import Scene
 from g1_description.scenes.scene_file import sdf_model
 from g1_description.srv import AttachObject, DetachObject
 from g1_description.web.live_simulator import LiveSimulator
+from g1_description.web.robot import ShownRobot
 from g1_description.web.scene.objects import Looks, SeenObject
 
 _Shown = Tuple[Dict[str, SeenObject], Mapping[str, np.ndarray]]
@@ -37,11 +39,14 @@ class LiveScene:
     """The objects of a simulator. Its topics are read by rospy's threads."""
 
     is_live = True
-    links = ("left_hand", "right_hand")
     offset = np.zeros(3)
 
     def __init__(
-        self, simulator: LiveSimulator, changed: threading.Event, log: ThrottledLog
+        self,
+        simulator: LiveSimulator,
+        changed: threading.Event,
+        log: ThrottledLog,
+        robots: Sequence[ShownRobot] = (),
     ) -> None:
         """Begin without objects.
 
@@ -49,15 +54,20 @@ class LiveScene:
             simulator: The simulator.
             changed: Set when objects come, change, move or go.
             log: For messages that cannot be used.
+            robots: Those that can carry objects.
         """
+        self._carriers = {
+            f"{robot.name}{SCOPE}{link}" if len(robots) > 1 else link: (robot, link)
+            for robot in robots
+            for link in carrying_links(robot.description)
+        }
+        self.links = tuple(self._carriers)
         self._simulator, self._changed, self._log = simulator, changed, log
         self._lock = threading.Lock()
         self._looks = Looks()
         self._present: PresentObjects | None = None
         self._scene: Scene | None = None
         self._shown: _Shown = {}, {}
-        self._carriers: dict[str, str] = {}
-        """What carries objects, as far as people attached them here."""
 
     def watch(self, is_watched: bool) -> None:
         """Subscribe while the page is open."""
@@ -106,7 +116,7 @@ class LiveScene:
         now = self._own(name)
         if changed.name != name and changed.name in self.shown()[0]:
             raise InvalidValueError(f"There are two objects called {changed.name}.")
-        carrier = self._carriers.pop(name, "")
+        carrier = self.carrier(name)
         self.remove(name)
         self.add(replace(changed, pose=now.pose))
         if carrier:
@@ -132,22 +142,36 @@ class LiveScene:
 
     def attach(self, name: str, link: str) -> None:
         """Let a link carry an object; empty: none."""
-        if link:
-            given = {"object_name": name, "link_name": link}
-            self._simulator.call("attach_object", AttachObject, **given)
-            self._carriers[name] = link
-        else:
+        if not link:
             self._simulator.call("detach_object", DetachObject, object_name=name)
-            self._carriers.pop(name, None)
+            return
+        robot, own = self._carriers.get(link, (None, link))
+        self._simulator.call(
+            "attach_object",
+            AttachObject,
+            object_name=name,
+            model_name="" if robot is None else robot.name,
+            link_name=own,
+        )
 
     def carrier(self, name: str) -> str:
-        """Return what carries an object; empty: nothing, or it is not known."""
-        return self._carriers.get(name, "")
+        """Return what carries an object; empty: nothing."""
+        shown = self.shown()[0].get(name)
+        if shown is None or not shown.object.attachments:
+            return ""
+        given = shown.object.attachments[0].link
+        owner, _, link = given.rpartition(SCOPE)
+        known = (
+            label
+            for label, (robot, own) in self._carriers.items()
+            if own == link and owner in ("", robot.name)
+        )
+        return next(known, given)
 
     def scene(self) -> Scene:
-        """Return the scene, as it is to be saved."""
-        placed = None if self._present is None else self._present.placed()
-        return placed or Scene()
+        """Return the objects where they are, and what carries them."""
+        objects, poses = self.shown()
+        return Scene([replace(o.object, pose=poses[n]) for n, o in objects.items()])
 
     def load(self, scene: Scene) -> None:
         """Replace all objects."""

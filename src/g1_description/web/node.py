@@ -129,7 +129,7 @@ class LiveWorld:
         self.has_commanded = with_ghost
         self._log = ThrottledLog()
         self.scenes = [
-            LiveScene(one, changed, self._log) for one in (simulator,) if one
+            LiveScene(one, changed, self._log, robots) for one in (simulator,) if one
         ]
         self._players: dict[LiveRobot, LivePlayer] = {}
 

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
+from g1_description.scenes.carried import of_robot
 from g1_description.scenes.scene import Scene
 from g1_description.web.check_thread import CheckThread, MakeChecker
 from g1_description.web.findings_panel import plain
@@ -61,10 +62,16 @@ class PageContext:
         return found
 
     def scene_of(self, robot: ShownRobot) -> Scene | None:
-        """Return the objects around a robot; None: nothing is known of any."""
+        """Return the objects around a robot, which carries those that are attached.
+
+        None: nothing is known of any.
+        """
         scenes = self.world.scenes
         row = min(self.world.robots.index(robot), len(scenes) - 1)
-        return scenes[row].scene() if scenes else None
+        if not scenes:
+            return None
+        objects = scenes[row].scene().values()
+        return Scene([*of_robot(objects, robot.description, robot.name)])
 
     def refresh(self) -> None:
         """Let all panels look again at files that were saved."""

@@ -16,7 +16,12 @@ from g1_description.robot.description import Shape
 from g1_description.robot.poses import user_file
 from g1_description.robot.rotation import axes_to_rpy, from_rpy, rotate, to_axes
 from g1_description.robot.transform import IDENTITY
-from g1_description.scenes.objects import SceneObject, shape_object, sizes
+from g1_description.scenes.objects import (
+    SceneObject,
+    shape_object,
+    simple_shape,
+    sizes,
+)
 from g1_description.scenes.scene import Scene
 from g1_description.web.controls import valid_pose
 from g1_description.web.panel import Panel
@@ -169,7 +174,7 @@ class ScenePanel(Panel):
     def _change(self, field: Any) -> None:
         """Give the selected object its name, its sizes or its mass."""
         before, pose = self._selected
-        shape = simple_shape(before)
+        shape = _sized(before)
         name = str(self._name.value).strip()
         if shape is None or field is self._name:
             changed = replace(before, link=replace(before.link, name=name))
@@ -225,7 +230,9 @@ class ScenePanel(Panel):
         if file.exists():
             raise InvalidValueError(f"{file} already exists: choose another name.")
         file.parent.mkdir(parents=True, exist_ok=True)
-        self._around.scene().save(file)
+        scene = self.page.scene_of(self.world.robots[0])
+        assert scene is not None
+        scene.save(file)
         self.ui.notify(f"Saved {file}.", "green")
 
     def _uploaded(self, file: UploadedFile) -> None:
@@ -265,7 +272,7 @@ class ScenePanel(Panel):
 
     def _show_object(self, shown: SceneObject, poses: Mapping[str, np.ndarray]) -> None:
         """Show the name, the sizes and the place of an object."""
-        pose, shape = poses[shown.name], simple_shape(shown)
+        pose, shape = poses[shown.name], _sized(shown)
         self.show(self._name, shown.name)
         if shape is not None:
             size = shape.size
@@ -273,7 +280,11 @@ class ScenePanel(Panel):
             for field, value in zip(self._sizes[shape.kind], values):
                 self.show(field, value, FINE)
             self.show(self._mass, shown.mass or 0.0, FINE)
-        self.show(self._carrier, self._around.carrier(shown.name) or NONE)
+        carrier = self._around.carrier(shown.name) or NONE
+        names = tuple(dict.fromkeys((NONE, *self._around.links, carrier)))
+        if self._carrier.options != names:
+            self._carrier.options = names
+        self.show(self._carrier, carrier)
         rpy = axes_to_rpy(to_axes(pose[3:]))
         held = any([self.ui.edits.is_held(field) for field in (self._place, self._rpy)])
         for field, numbers in zip((self._place, self._rpy), (pose[:3], rpy)):
@@ -286,7 +297,7 @@ class ScenePanel(Panel):
     def _show_selection(self) -> None:
         """Show what the selected object has."""
         shown = self._around.shown()[0].get(self.selected)
-        shape = None if shown is None else simple_shape(shown.object)
+        shape = None if shown is None else _sized(shown.object)
         for element in self._own:
             element.visible = shown is not None
         used = () if shape is None else (*self._sizes[shape.kind], self._mass)
@@ -296,17 +307,7 @@ class ScenePanel(Panel):
         self._gizmo.visible = shown is not None
 
 
-def simple_shape(shown: SceneObject) -> Shape | None:
-    """Return the shape of an object that has one only, whose sizes can be changed."""
-    link = shown.link
-    shapes = link.collisions
-    if len(shapes) != 1 or shapes[0].kind not in NEW:
-        return None
-    shape = shapes[0]
-    looks = link.visuals or shapes
-    is_same = len(looks) == 1 and (looks[0].kind, looks[0].size) == (
-        shape.kind,
-        shape.size,
-    )
-    is_there = np.array_equal(shape.pose, IDENTITY)
-    return replace(shape, color=looks[0].color) if is_same and is_there else None
+def _sized(shown: SceneObject) -> Shape | None:
+    """Return the shape of an object whose sizes can be changed."""
+    shape = simple_shape(shown)
+    return shape if shape is not None and shape.kind in NEW else None
