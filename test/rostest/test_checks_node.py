@@ -123,6 +123,14 @@ class TestChecks(unittest.TestCase):
             away = Pose(Point(3.0, 0.0, 1.0), Quaternion(w=1.0))
             states.publish(LinkStates(["box", "other"], [away] * 2, [Twist()] * 2))
             wait_for(lambda: not collides(), "the box away from the robot")
+            at = [0.4, 0.25, 0.8]
+            scene.publish(String(yaml_of([Scene().sphere("ball", 0.15, at)])))
+
+            def is_avoided():
+                answer = self.solve({"left_hand": at}, avoid_collisions=True)
+                return not answer.reached and " at ball" in answer.status_message
+
+            wait_for(is_avoided, "a search that avoids the ball")
         finally:
             scene.publish(String(yaml_of([])))
             scene.unregister()

@@ -6,8 +6,15 @@ import pytest
 from g1_description.errors import UnknownNameError
 from g1_description.motion.motion import Motion
 from g1_description.robot.load import read_description
+from g1_description.robot.state import RobotState
 from g1_description.robot.transform import compose, inverse
-from g1_description.scenes.carried import holds_of, motion_links, object_poses
+from g1_description.scenes.carried import (
+    RobotLinks,
+    carried_to,
+    holds_of,
+    motion_links,
+    object_poses,
+)
 from g1_description.scenes.scene import Scene
 
 
@@ -53,6 +60,14 @@ def test_objects_stay_where_they_are_in_what_holds_them(robot):
     found = object_poses(holds, near, links).reshape(4, 2, 3, 7)
     np.testing.assert_allclose(found[:, 0], found[:, 1], atol=1e-6)
     assert len(np.unique(poses[times >= 3.0, 2], axis=0)) == 1
+    # What is carried now is in the same grip at the start of another motion.
+    now = RobotState(0, tuple(names), positions[3], base_pose=bases[3])
+    given = [scene["still"], scene["whole"]], poses[:2, 0]
+    left_now, left_then = links(left, np.array([3.0, 0.0]))
+    still, whole = carried_to(*given, RobotLinks(robot), now, motion)
+    np.testing.assert_array_equal(still, poses[0, 0])
+    found = compose(inverse(left_then), whole)
+    np.testing.assert_allclose(found, compose(inverse(left_now), poses[1, 0]))
 
 
 def test_a_link_that_is_not_there_is_named(robot):

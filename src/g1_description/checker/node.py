@@ -271,15 +271,19 @@ def start(robot: Description, parameters: CheckerParameters) -> None:
     make_another = partial(make_checker, robot, parameters, objects)
     map_frame = parameters.map_frame
     frame = MapFrame((map_frame, "world"))
-    CheckServices(checker, lock, make_another, frame)
     live: LiveChecks | None = None
+
+    def present() -> RobotState | None:
+        return None if live is None else live.newest
+
+    CheckServices(checker, lock, make_another, present, frame)
     if parameters.rate:
         markers = LiveMarkers(robot, parameters)
         root = base_frame(robot, parameters)
         states = RobotStates(map_frame, root, 1.0 / parameters.rate, log)
         live = LiveChecks(checker, lock, states, markers, parameters.rate)
     make_shapes = partial(make_collisions, robot, parameters)
-    IkService(robot, make_shapes, lambda: live and live.newest, frame)
+    IkService(robot, make_shapes, objects, present, frame)
 
 
 def main() -> None:

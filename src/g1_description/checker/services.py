@@ -9,13 +9,15 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import rospy
 from geometry_msgs.msg import Point
 from sensor_msgs.msg import JointState
 
-from g1_description.checker.objects import CheckerAmongObjects
+from g1_description.checker.objects import CheckedObjects, CheckerAmongObjects
+from g1_description.checks.checker import Checker
 from g1_description.checks.verdict import Finding, Verdict
 from g1_description.choices import ZERO
 from g1_description.collisions.self_collisions import SelfCollisions
@@ -26,6 +28,7 @@ from g1_description.errors import (
 )
 from g1_description.ik.inverse_kinematics import InverseKinematics
 from g1_description.ik.options import IkOptions
+from g1_description.motion.motion import Motion, configuration
 from g1_description.msg import Finding as FindingMessage
 from g1_description.robot.arrays import as_array
 from g1_description.robot.description import Description
@@ -42,6 +45,8 @@ from g1_description.ros.motion_messages import (
     pose_from_numbers,
     whole_body_from_message,
 )
+from g1_description.scenes.carried import RobotLinks, carried_to
+from g1_description.scenes.scene import Scene
 from g1_description.srv import (
     CheckState,
     CheckStateRequest,
@@ -80,6 +85,7 @@ class CheckServices:
         checker: CheckerAmongObjects,
         lock: threading.Lock,
         make_checker: Callable[[], CheckerAmongObjects],
+        present: Callable[[], RobotState | None],
         frame: MapFrame,
     ) -> None:
         """Advertise the services.
@@ -88,14 +94,16 @@ class CheckServices:
             checker: Checks single configurations.
             lock: Locked while it is used.
             make_checker: Creates a second checker for motions, which may take seconds.
+            present: Returns the state of the robot; None if it is unknown.
             frame: Transforms bases to the map.
         """
         self._checker, self._lock = checker, lock
         self._make_checker = make_checker
         self._motion_checker: CheckerAmongObjects | None = None
         self._motion_lock = threading.Lock()
-        self._frame = frame
+        self._present, self._frame = present, frame
         robot = checker.newest()[0].description
+        self._links = RobotLinks(robot)
         self._joints = dict.fromkeys(joint.name for joint in robot.movable_joints)
         rospy.Service("~check_state", CheckState, self._check_state)
         rospy.Service("~check_trajectory", CheckTrajectory, self._check_trajectory)
@@ -112,7 +120,9 @@ class CheckServices:
             if request.has_base:
                 base = pose_from_numbers(pose_to_array(request.base_pose))
             with self._lock:
-                checker, objects = self._checker.newest()
+                checker, objects = self._around(
+                    self._checker, configuration(positions, base)
+                )
                 verdict = checker.check_state(
                     positions, base, request.only, velocities or None, objects
                 )
@@ -133,11 +143,21 @@ class CheckServices:
             with self._motion_lock:
                 if self._motion_checker is None:
                     self._motion_checker = self._make_checker()
-                checker, objects = self._motion_checker.newest()
+                checker, objects = self._around(self._motion_checker, motion)
                 verdict = checker.check(motion, request.only, objects)
         except G1DescriptionError as error:
             return CheckTrajectoryResponse(status_message=str(error))
         return _answer(CheckTrajectoryResponse, verdict)
+
+    def _around(
+        self, among: CheckerAmongObjects, motion: Motion
+    ) -> tuple[Checker, np.ndarray | None]:
+        """Return a checker, and the poses of the objects when a motion begins."""
+        checker, objects = among.newest()
+        if checker.obstacles is not None:
+            given = [*checker.obstacles.scene.values()], objects, self._links
+            objects = carried_to(*given, self._present(), motion)
+        return checker, objects
 
 
 def _answer(kind, verdict: Verdict):
@@ -163,6 +183,7 @@ class IkService:
         self,
         robot: Description,
         make_collisions: Callable[[], SelfCollisions],
+        objects: CheckedObjects,
         present: Callable[[], RobotState | None],
         frame: MapFrame,
     ) -> None:
@@ -171,9 +192,11 @@ class IkService:
         Args:
             robot: The robot.
             make_collisions: Prepares its self-collisions, which may take seconds.
+            objects: The objects around it.
             present: Returns the state of the robot; None if it is unknown.
             frame: Transforms targets to the map.
         """
+        self._objects, self._links = objects, RobotLinks(robot)
         self._present, self._frame = present, frame
         self._names = tuple(joint.name for joint in robot.movable_joints)
         self._neutral = pose_positions(Pose(ZERO), robot)
@@ -192,11 +215,14 @@ class IkService:
                 raise InvalidValueError("base_pose needs joint_state with positions.")
             hold = () if request.hold_nothing else request.hold or None
             motion = "fixed" if request.fixed_base else None
+            is_free = not request.avoid_collisions
+            around = None if is_free else self._around(positions, base)
             options = IkOptions(
                 fixed_links=hold,
                 balance=request.balance,
                 avoid_collisions=request.avoid_collisions,
                 base_motion=motion,
+                scene=around,
             )
             with self._lock:
                 found = self._inverse.solve(targets, positions, base, options)
@@ -213,6 +239,16 @@ class IkService:
             [np.nan if e.rotation is None else e.rotation for e in errors],
             found.message,
         )
+
+    def _around(self, positions: np.ndarray, base: np.ndarray) -> Scene | None:
+        """Return the objects where they are as the search starts."""
+        scene, poses = self._objects.newest()
+        if scene is None or poses is None:
+            return scene
+        start = configuration(dict(zip(self._names, positions.tolist())), base)
+        given = [*scene.values()], poses, self._links
+        pairs = zip(scene.values(), carried_to(*given, self._present(), start))
+        return Scene([replace(each, pose=pose) for each, pose in pairs])
 
     def _targets(self, request: SolveIKRequest) -> dict[str, np.ndarray]:
         """Read the targets in the map, by link."""

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Callable, NamedTuple
 
 import numpy as np
 
 from g1_description.errors import UnknownNameError
-from g1_description.motion.motion import Motion, sample
+from g1_description.motion.motion import Motion, configuration, sample
 from g1_description.robot.assembly import SCOPE, Assembly, root_in_base
 from g1_description.robot.description import Description
 from g1_description.robot.kinematics import Kinematics
+from g1_description.robot.state import RobotState
 from g1_description.robot.transform import IDENTITY, compose, inverse
 from g1_description.scenes.objects import SceneObject
 from g1_description.text import listed, similar_first
@@ -45,6 +46,7 @@ class RobotLinks:
     """The links of a robot, for poses along its motions."""
 
     def __init__(self, robot: Description) -> None:
+        self.robot = robot
         self._kinematics = Kinematics(robot)
         self._T_base_root = root_in_base(robot)
         self._rows = {name: row for row, name in enumerate(Assembly(robot).link_names)}
@@ -171,6 +173,39 @@ def of_robot(
             if _link(robot, link) and owner in ("", model or owner)
         )
         yield replace(each, attachments=own)
+
+
+def carried_to(
+    objects: Collection[SceneObject],
+    poses: np.ndarray | None,
+    links: RobotLinks,
+    now: RobotState | None,
+    start: Motion,
+) -> np.ndarray | None:
+    """Move objects that links carry now to where these are at the start of a motion.
+
+    Args:
+        objects: The objects.
+        poses: T_map_object now, shape (n_objects, 7); None: unknown.
+        links: The links of the robot.
+        now: Its state; if it or its base is unknown, nothing is moved.
+        start: The motion, or a configuration.
+
+    Returns:
+        As ``poses``.
+    """
+    if now is None or now.base_pose is None:
+        return poses
+    if poses is None or start.base_poses is None:
+        return poses
+    present = configuration(now.positions_by_name, now.base_pose)
+    found, begin = poses.copy(), np.array([start.begin])
+    for row, each in enumerate(objects):
+        for one in each.attachments:
+            link = named_link(links.robot, one.link, each.name)
+            before, after = (links.along(m)(link, begin) for m in (present, start))
+            found[row] = compose(after[0], compose(inverse(before[0]), poses[row]))
+    return found
 
 
 def object_poses(
