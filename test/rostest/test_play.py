@@ -207,7 +207,8 @@ class TestPlay(unittest.TestCase):
         self.assertEqual(done.returncode, 0, done.stdout)
         self.assertEqual(done.stdout.count("ghost is not carried: There is no"), 1)
         self.assertNotIn("box is not carried", done.stdout)
-        state = service("/gazebo/get_model_state", GetModelState)("box", "")
+        states = service("/gazebo/get_model_state", GetModelState)
+        state = states("box", "")
         robot = read_robot("robot_description")
         links = motion_links(robot, read_motion(self.file, robot))
         holds = holds_of([box], robot, links)
@@ -217,6 +218,14 @@ class TestPlay(unittest.TestCase):
         np.testing.assert_allclose(found, expected, atol=0.02)  # of a busy machine
         detach = service("/gazebo/detach_object", DetachObject)
         self.assertEqual(detach("box").status_message, "no link carries box")
+        # It is in the same grip from the middle on, wherever the motion begins.
+        ((expected,),) = object_poses(holds, np.array([1.8]), links)
+        for option, shift in ((), 0.0), (["--start-here"], 0.03):
+            done = run("play", self.file, "--from", 1.5, "--until", 1.8, *option)
+            self.assertEqual(done.returncode, 0, done.stdout)
+            found = pose_to_array(states("box", "").pose)
+            expected[0] += shift
+            np.testing.assert_allclose(found, expected, atol=1e-3)
 
     def test_what_is_wrong_is_told_in_a_sentence(self):
         arms = self.file.with_name("arms.csv")

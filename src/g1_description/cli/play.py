@@ -24,9 +24,9 @@ from g1_description.errors import (
 from g1_description.motion.edit import moved, to_start_at
 from g1_description.motion.files.formats import read_motion
 from g1_description.motion.files.source import ReadOptions
-from g1_description.motion.motion import Motion
+from g1_description.motion.motion import Motion, sample
 from g1_description.motion.paths import absent, split
-from g1_description.robot.transform import IDENTITY
+from g1_description.robot.transform import IDENTITY, compose, inverse
 from g1_description.ros.carrying import Carrying
 from g1_description.ros.lifecycle import start_node
 from g1_description.ros.map_frame import MapFrame
@@ -156,8 +156,11 @@ def notify(text: str) -> None:
     say(f"{begin}play: {text}")
 
 
-def prepare(args: PlayOptions, robot: RobotView) -> Motion:
+def prepare(args: PlayOptions, robot: RobotView) -> tuple[Motion, Motion]:
     """Read the motion, and move it as requested.
+
+    Returns:
+        The motion as it is in the file, and as it is played.
 
     Raises:
         MotionError: If the file cannot be read, or its motion does not fit the robot.
@@ -168,7 +171,7 @@ def prepare(args: PlayOptions, robot: RobotView) -> Motion:
     motion = read_motion(args.file, robot.description, options)
     for note in motion.notes:
         notify(note)
-    motion = motion.cut(args.begin, args.end)
+    whole, motion = motion, motion.cut(args.begin, args.end)
     requested = [args.start_here and "--start-here", args.on_floor and "--on-floor"]
     if motion.base_poses is None and any(requested):
         names = " and ".join(filter(None, requested))
@@ -187,7 +190,7 @@ def prepare(args: PlayOptions, robot: RobotView) -> Motion:
         T_map_motion[2] = -lowest
         motion = moved(motion, T_map_motion)
         notify(f"moved the motion by {-lowest:+.4f} m in height.")
-    return motion
+    return whole, motion
 
 
 def base_pose(robot: RobotView, frame: str | None) -> np.ndarray:
@@ -223,8 +226,16 @@ def progress(session: Session, speed: float) -> str:
     return f"[{bar}] {time:6.2f} of {end:.2f} s  {samples}{rate}{state}"
 
 
-def carrying(args: PlayOptions, robot: RobotView, motion: Motion) -> Carrying | None:
+def carrying(
+    args: PlayOptions, robot: RobotView, whole: Motion, motion: Motion
+) -> Carrying | None:
     """Read the scene of the options or next to the motion; None without attachments.
+
+    Args:
+        args: The options.
+        robot: The robot.
+        whole: The motion as it is in the file.
+        motion: The motion as it is played.
 
     Raises:
         SceneError: If it cannot be used.
@@ -236,8 +247,13 @@ def carrying(args: PlayOptions, robot: RobotView, motion: Motion) -> Carrying | 
     state, name = robot.state, args.namespace.strip("/").rpartition("/")[2]
     base = None if state is None else state.base_pose
     base = IDENTITY if base is None else base
-    read = Scene.read(file)
-    return Carrying(read, robot.description, motion, name, notify, base) or None
+    shift = IDENTITY
+    if motion.base_poses is not None:
+        start = sample(whole, motion.times[:1]).base_poses
+        assert start is not None
+        shift = compose(motion.base_poses[0], inverse(start[0]))
+    given = Scene.read(file), robot.description, whole, name, notify, base, shift
+    return Carrying(*given) or None
 
 
 def follow(
@@ -255,7 +271,7 @@ def follow(
     while True:
         key = keyboard.next_key(CARRYING_PERIOD if carried else REFRESH_PERIOD)
         _check_signals()
-        if carried:
+        if carried and session.has_begun:
             carried.show(session.time)
         if key == END:
             session.pause()
@@ -293,8 +309,8 @@ def play(args: PlayOptions) -> None:
     robot = RobotView(args.namespace, notify)
     if not robot.wait_until(lambda: robot.state, TIMEOUT):
         raise NoAnswerError(f"The robot's state is unknown: {robot.silence}")
-    motion = prepare(args, robot)
-    carried = carrying(args, robot, motion)
+    whole, motion = prepare(args, robot)
+    carried = carrying(args, robot, whole, motion)
     session = Session(robot, motion, args.speed, notify, args.lead_in)
     with closing(Keyboard(terminal())) as keyboard:
         # Before the shutdown, while services can be called: else the robot continues.

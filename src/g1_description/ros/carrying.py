@@ -1,8 +1,8 @@
 """Objects of a scene that links of a robot in the simulator carry during a motion.
 
 Calls: attach_object (g1_description/AttachObject), detach_object
-    (g1_description/DetachObject), set_model_state (gazebo_msgs/SetModelState), below
-    /gazebo
+    (g1_description/DetachObject), set_model_state (gazebo_msgs/SetModelState),
+    set_link_state (gazebo_msgs/SetLinkState), below /gazebo
 """
 
 from __future__ import annotations
@@ -12,18 +12,19 @@ from typing import Any
 
 import numpy as np
 import rospy
-from gazebo_msgs.msg import ModelState
-from gazebo_msgs.srv import SetModelState
+from gazebo_msgs.msg import LinkState, ModelState
+from gazebo_msgs.srv import SetLinkState, SetModelState
 
 from g1_description.choices import GAZEBO
 from g1_description.motion.motion import Motion
+from g1_description.robot.assembly import SCOPE, rigid_frames
 from g1_description.robot.description import Description
-from g1_description.robot.transform import IDENTITY
+from g1_description.robot.transform import IDENTITY, compose
 from g1_description.ros.conversions import pose_from_array
 from g1_description.scenes.carried import (
+    applying,
     holds_of,
     motion_links,
-    named_link,
     object_poses,
 )
 from g1_description.scenes.scene import Scene
@@ -41,16 +42,19 @@ class Carrying:
         model: str,
         notify: Callable[[str], None],
         base: np.ndarray = IDENTITY,
+        shift: np.ndarray = IDENTITY,
     ) -> None:
         """Plan what is carried when; nothing is attached yet.
 
         Args:
             scene: The scene, whose objects are in the simulator.
             robot: The robot.
-            motion: Its motion.
+            motion: Its whole motion, to which the scene belongs.
             model: Name of its model in the simulator; empty: the one that has the link.
             notify: Called with messages on what cannot be carried.
             base: T_map_base of a motion without poses of the base, shape (7,).
+            shift: T_map_motion of the motion as it is played, shape (7,): what is
+                carried at any time moves with it.
 
         Raises:
             UnknownNameError: If the robot lacks a link.
@@ -58,12 +62,12 @@ class Carrying:
         self._objects = [each for each in scene.values() if each.attachments]
         self._links = motion_links(robot, motion, base)
         self._holds = holds_of(self._objects, robot, self._links)
-        self._names = {
-            one.link: named_link(robot, one.link, each.name)
-            for each in self._objects
-            for one in each.attachments
+        self._bodies = {
+            link: body
+            for tree in robot.trees
+            for link, body in rigid_frames(tree).items()
         }
-        self._model, self._notify = model, notify
+        self._shift, self._model, self._notify = shift, model, notify
         self._carriers = dict.fromkeys((each.name for each in self._objects), "")
         self._time = -np.inf
         self._given_up: set[str] = set()
@@ -74,27 +78,34 @@ class Carrying:
     def show(self, time: float) -> None:
         """Let links carry what they do at a time of the motion, in [s].
 
-        Where time went back, objects are placed where they are then.
+        At first, and where time went back, objects are placed where they are then.
         """
-        if time < self._time:
-            self._place(time)
-        self._time = time
-        for each in self._objects:
-            links = [a.link for a in each.attachments if a.begin <= time < a.end]
-            link = self._names[links[0]] if links else ""
-            if link != self._carriers[each.name]:
-                self._carriers[each.name] = link
-                self._carry(each.name, link)
-
-    def _place(self, time: float) -> None:
-        """Let all objects go, and place them where they are at a time."""
+        is_new = time < self._time or self._time == -np.inf
         poses = object_poses(self._holds, np.array([time]), self._links)[0]
-        for each, pose in zip(self._objects, poses):
-            if self._carriers[each.name]:
-                self._carry(each.name, "")
-            self._carriers[each.name] = ""
-            state = ModelState(model_name=each.name, pose=pose_from_array(pose))
-            self._call(each.name, "set_model_state", SetModelState, state)
+        self._time = time
+        for each, holds, pose in zip(self._objects, self._holds, poses):
+            hold, name = holds[applying(holds, np.array([time]))[0]], each.name
+            if is_new:
+                self._call(name, "detach_object", DetachObject, name, must=False)
+                self._carriers[name] = ""
+                self._put(name, compose(self._shift, pose))
+            if hold.link != self._carriers[name]:
+                self._carriers[name] = hold.link
+                self._carry(name, hold.link)
+                if is_new:
+                    body, frame = self._bodies[hold.link]
+                    scope = f"{self._model}{SCOPE}" if self._model else ""
+                    self._put(name, compose(frame, hold.pose), scope + body)
+
+    def _put(self, name: str, pose: np.ndarray, frame: str = "") -> None:
+        """Place an object in the frame of a link; empty: in the map."""
+        given = {"pose": pose_from_array(pose), "reference_frame": frame}
+        if SCOPE in name:
+            link = LinkState(link_name=name, **given)
+            self._call(name, "set_link_state", SetLinkState, link, must=False)
+        else:
+            model = ModelState(model_name=name, **given)
+            self._call(name, "set_model_state", SetModelState, model, must=False)
 
     def _carry(self, name: str, link: str) -> None:
         """Let a link carry an object; empty: none."""
@@ -103,8 +114,10 @@ class Carrying:
         else:
             self._call(name, "detach_object", DetachObject, name)
 
-    def _call(self, name: str, service: str, kind: Any, *arguments: Any) -> None:
-        """Call a service of the simulator; one message for each object."""
+    def _call(
+        self, name: str, service: str, kind: Any, *arguments: Any, must: bool = True
+    ) -> None:
+        """Call a service of the simulator; one message for each object that must."""
         if name in self._given_up:
             return
         try:
@@ -112,6 +125,6 @@ class Carrying:
             failure = "" if answer.success else answer.status_message
         except (rospy.ServiceException, OSError) as error:
             failure = str(error)
-        if failure:
+        if failure and must:
             self._given_up.add(name)
             self._notify(f"{name} is not carried: {failure.rstrip('.')}.")

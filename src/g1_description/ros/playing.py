@@ -210,14 +210,14 @@ class Session:
         return int(np.searchsorted(self.motion.times, until, side="right"))
 
     @property
-    def _has_begun(self) -> bool:
+    def has_begun(self) -> bool:
         """Whether the lead-in is over."""
         return self._begin_ns is not None and self._robot.now_ns >= self._begin_ns
 
     @property
     def is_over(self) -> bool:
         """Whether the motion has ended."""
-        is_over = self.is_running and self.time >= self.end and self._has_begun
+        is_over = self.is_running and self.time >= self.end and self.has_begun
         if is_over:
             self._robot.motions.may_move = False
         return is_over
@@ -244,7 +244,7 @@ class Session:
         if self.is_running:
             self._robot.motions.stop()
             self._time, self.is_running = self.time, False
-            if not self._has_begun:
+            if not self.has_begun:
                 self._begin_ns = None
 
     def step(self, n: int) -> None:
@@ -259,7 +259,7 @@ class Session:
         self._time = time
         part = self.motion.cut(time, time).at_speed(1.0, time)
         begin_ns = self._play(part)
-        if not self._has_begun:
+        if not self.has_begun:
             self._begin_ns = begin_ns
 
     def toggle(self) -> None:
@@ -279,7 +279,7 @@ class Session:
 
     def _play(self, part: Motion) -> int:
         """Play a part of the motion; return its start in [ns]."""
-        lead_in = 0.0 if self._has_begun else self._lead_in
+        lead_in = 0.0 if self.has_begun else self._lead_in
         start_ns, message = self._robot.motions.play(later(part, lead_in))
         if message != self._reported:
             self._reported = message
