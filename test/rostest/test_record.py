@@ -13,8 +13,8 @@ import pytest
 import rosbag
 import rospy
 from g1_description.msg import RobotState, SimulatorState
-from g1_description.srv import PlayMotion
-from gazebo_msgs.srv import DeleteModel, SpawnModel
+from g1_description.srv import AttachObject, DetachObject, PlayMotion
+from gazebo_msgs.srv import DeleteModel, GetModelState, SpawnModel
 from geometry_msgs.msg import Point, Pose, Quaternion
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Empty
@@ -33,7 +33,11 @@ from g1_description.cli.recorder import Recorder, SimulatorStates
 from g1_description.motion.files.formats import read_motion
 from g1_description.motion.motion import Motion
 from g1_description.robot.urdf import parse_urdf
+from g1_description.ros.conversions import pose_from_array, pose_to_array
 from g1_description.ros.playing import MotionClient
+from g1_description.scenes.carried import holds_of, motion_links, object_poses
+from g1_description.scenes.scene import Scene
+from g1_description.scenes.scene_file import sdf_model
 
 ELBOW = "left_elbow_joint"
 PERIOD = 0.02
@@ -135,6 +139,15 @@ def recordings(tmp_path_factory):
     place = Pose(Point(0.0, 3.0, 1.0), Quaternion(0.0, 0.0, 0.0, 1.0))
     urdf = rospy.get_param("/robot_description")
     assert spawn("other", urdf, "", place, "world").success
+    box = Scene().box("box", [0.1, 0.1, 0.1], [0.3, 0.2, 1.0])
+    spawn_sdf = service("/gazebo/spawn_sdf_model", SpawnModel)
+    spawn_sdf(
+        "box",
+        sdf_model("box", {"link": box}, box.pose),
+        "",
+        pose_from_array(box.pose),
+        "",
+    )
     MotionClient(service("/play_motion", PlayMotion)).play(wave())
     made = Recordings(tmp_path_factory.mktemp("recordings"))
     wait_for(gone.get_num_connections, "a recorder")
@@ -143,7 +156,12 @@ def recordings(tmp_path_factory):
     gone.unregister()
     made.wait_for_begin("interrupted.csv", "reset.bag", "other.csv", "seconds.npz")
     begin = rospy.get_time()
+    attach = service("/gazebo/attach_object", AttachObject)
+    assert attach("box", "g1_robot", "left_hand").success
     wait_for(lambda: rospy.get_time() > begin + 1.0, "a second")
+    assert service("/gazebo/detach_object", DetachObject)("box").success
+    made.box = service("/gazebo/get_model_state", GetModelState)("box", "").pose
+    made.joints.wait(lambda m: m.header.stamp.to_sec() > begin + 1.2, "the rest")
     made.end("interrupted.csv", signal.SIGINT)
     made.end("other.csv", signal.SIGHUP)
     made.end("seconds.npz")
@@ -154,7 +172,8 @@ def recordings(tmp_path_factory):
     states = until_reset(made.states)
     made.elbow = np.array([position_of(message, ELBOW) for message in states])
     made.x = np.array([message.base_pose.position.x for message in states])
-    service("/gazebo/delete_model", DeleteModel)("other")
+    for name in ("other", "box"):
+        service("/gazebo/delete_model", DeleteModel)(name)
     made.end("gone.csv")
     yield made
     made.joints.close()
@@ -172,6 +191,23 @@ def test_a_csv_until_ctrl_c_has_every_state(recordings):
     part = slice(first, first + len(found.times))
     np.testing.assert_array_equal(found.elbow, recordings.elbow[part])
     np.testing.assert_array_equal(found.x, recordings.x[part])
+
+
+def test_the_scene_next_to_it_has_what_was_carried_and_when(recordings):
+    scene = Scene.read(recordings.folder / "interrupted.scene.yaml")
+    (held,) = scene["box"].attachments
+    assert held.link == "left_hand" and abs(held.end - held.begin - 1.0) < 0.2
+    robot = parse_urdf(rospy.get_param("/robot_description"))
+    motion = read_motion(recordings.folder / "interrupted.csv", robot)
+    links = motion_links(robot, motion)
+    holds = holds_of(scene.values(), robot, links)
+    ((found,),) = object_poses(holds, motion.times[-1:], links)
+    expected = pose_to_array(recordings.box)
+    assert np.abs(expected - scene["box"].pose).max() > 0.05
+    np.testing.assert_allclose(found, expected, atol=0.05)  # of a busy machine
+    # Another robot carried it.
+    other = Scene.read(recordings.folder / "other.scene.yaml")
+    assert not other["box"].attachments
 
 
 def test_an_npz_of_one_second_is_even_at_its_rate(recordings):
@@ -229,4 +265,5 @@ def test_a_robot_that_nobody_publishes_is_told(recordings):
         "Nothing publishes /left/robot_state; is the namespace right?\n"
     )
     assert "Traceback" not in errors
-    assert {*os.listdir(str(recordings.folder))} == {*WAYS} - {"left.csv"}
+    found = {n for n in os.listdir(recordings.folder) if not n.endswith(".scene.yaml")}
+    assert found == {*WAYS} - {"left.csv"}

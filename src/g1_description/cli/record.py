@@ -38,8 +38,10 @@ from g1_description.motion.files.conventions import known_velocities
 from g1_description.robot.description import Description
 from g1_description.ros.history import fetch_history
 from g1_description.ros.lifecycle import handle_signals, start_node
+from g1_description.ros.present_objects import RecordedObjects
 from g1_description.ros.robot_view import wait_for_description
 from g1_description.ros.waiting import NoAnswerError, RefusedError, wait_until
+from g1_description.scenes.scene_file import scene_of
 
 TIMEOUT = 20.0
 """Longest wait for the first state, in [s]: machines may be busy."""
@@ -99,6 +101,8 @@ def _check_place(out: Path, force: bool) -> None:
         raise InvalidValueError(
             f"Unknown format of {out}: it must end in {' or '.join(ENDINGS)}."
         )
+    if scene_of(out).exists() and not out.exists():
+        out = scene_of(out)
     if out.is_dir() or (out.exists() and not force):
         kind = "folder" if out.is_dir() else "file"
         hint = "" if out.is_dir() else "; use --force to replace it"
@@ -139,14 +143,17 @@ def record(args: RecordOptions) -> None:
         save(recorder, robot, args)
         return
     states = states_of(robot, recorder, args)
+    model = args.model or args.namespace.strip("/").rpartition("/")[2]
+    objects = RecordedObjects(args.gazebo, robot, model, notify)
     _wait_for_first(recorder, states)
+    objects.begin()
     stop = _Stop()
     seconds = "" if args.seconds is None else f" {args.seconds:g} s, or"
     notify(f"recording{seconds} until Ctrl-C.")
     _follow(recorder, states, stop)
     recorder.is_over = True
     states.close()
-    save(recorder, robot, args)
+    save(recorder, robot, args, objects)
 
 
 States = Union[BridgeStates, SimulatorStates]
@@ -230,8 +237,13 @@ def _follow(recorder: Recorder, states: States, stop: _Stop) -> None:
         wait_until(is_over, period=POLL_PERIOD)
 
 
-def save(recorder: Recorder, robot: Description, args: RecordOptions) -> None:
-    """Save the recording.
+def save(
+    recorder: Recorder,
+    robot: Description,
+    args: RecordOptions,
+    objects: RecordedObjects | None = None,
+) -> None:
+    """Save the recording, and the objects around the robot if there were any.
 
     Raises:
         G1DescriptionError: If it cannot be written.
@@ -246,6 +258,12 @@ def save(recorder: Recorder, robot: Description, args: RecordOptions) -> None:
     count = len(motion.times)
     text = f"{args.out}: {count} samples, {motion.duration:.2f} s"
     print(f"{text}, begins at {1e-9 * begin:.3f} s", flush=True)
+    start = 1e-9 * begin
+    scene = objects and objects.scene(start, start + motion.duration)
+    if scene:
+        file = scene_of(args.out)
+        scene.save(file)
+        print(f"{file}: {len(scene)} objects", flush=True)
 
 
 def main() -> None:

@@ -31,9 +31,6 @@ JOINTS_TIMEOUT = 10.0
 BASE_TIMEOUT = 2.0
 """Longest wait for the base once the joints are known, in [s]."""
 
-OBJECTS_TIMEOUT = 2.0
-"""Longest wait for the objects of the simulator, in [s]."""
-
 CLOCK_TIMEOUT = 10.0
 """Longest wait for the clock to advance, in [s]."""
 
@@ -78,7 +75,8 @@ def watch(
                 notify(
                     f"{view.no_base}: '{name}' is drawn with its root at the origin."
                 )
-        objects = _present_objects(notify)
+        objects = PresentObjects(GAZEBO, notify)
+        objects.wait()
         sample = partial(now, views, objects)
         moments = record(sample, *film) if film else [sample()]
         for view in views:  # drawing needs the processor
@@ -91,15 +89,6 @@ def watch(
     robots = [view.description for view in views]
     scene = objects.placed(robots[0], names[0].strip("/")) or Scene()
     return robots, moments, [*scene.values()]
-
-
-def _present_objects(notify: Callable[[str], None]) -> PresentObjects:
-    """Wait for the objects of a simulator that has some."""
-    objects = PresentObjects(GAZEBO, notify)
-    topics = [name for name, _ in rospy.get_published_topics()]
-    if f"{GAZEBO}/scene" in topics:
-        wait_until(lambda: objects.newest()[0] is not None, OBJECTS_TIMEOUT)
-    return objects
 
 
 def _has_base(view: RobotView) -> bool:

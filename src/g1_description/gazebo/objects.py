@@ -91,7 +91,8 @@ class ObjectTopics:
         self._world, self._log = world, log
         self._due = self._refreshed = -math.inf
         self._objects: Objects | None = None
-        self._carriers: Carriers = {}
+        self._changes = 0
+        """How often attachments had changed; that is published at once."""
         self._sent = np.zeros((0, 7))
         self._encoder = LinkStatesEncoder()
         self._scene = _ObjectTopic("~scene", String)
@@ -101,9 +102,11 @@ class ObjectTopics:
 
     def publish(self) -> None:
         """Publish what has changed, if it is due; to be called at each step."""
-        now = time.monotonic()
-        if now < self._due:
+        now, changes = time.monotonic(), self._world.attachments.changes
+        has_changed = changes != self._changes
+        if now < self._due and not has_changed:
             return
+        self._changes = changes
         self._due = now + PERIOD
         if not any(topic.has_subscribers for topic in self._topics):
             self._objects = None
@@ -113,11 +116,13 @@ class ObjectTopics:
         before, objects = self._objects, self._objects
         if objects is None or not objects.are_those_of(self._world):
             objects = self._objects = Objects(self._world, self._log)
-        self._publish(objects, before, now)
+        self._publish(objects, before, now, has_changed)
         spent = time.monotonic() - now
         self._due = now + max(PERIOD, (1.0 + PAUSE_FACTOR) * spent)
 
-    def _publish(self, objects: Objects, before: Objects | None, now: float) -> None:
+    def _publish(
+        self, objects: Objects, before: Objects | None, now: float, has_changed: bool
+    ) -> None:
         """Publish objects; ``before`` are those of the last time."""
         poses, twists = objects.states()
         every = np.ones(len(poses), dtype=bool)
@@ -126,12 +131,10 @@ class ObjectTopics:
         self._sent = (
             np.where(moved[:, None], poses, self._sent) if not is_new else poses
         )
-        carriers = self._world.attachments.carriers()
-        has_changed = is_new or carriers != self._carriers
-        self._carriers = carriers
         if self._scene.takes_new_subscribers() or (
-            has_changed and self._scene.has_subscribers
+            (is_new or has_changed) and self._scene.has_subscribers
         ):
+            carriers = self._world.attachments.carriers()
             self._scene.publish(String(yaml_of(objects.at(poses, carriers))))
         rows = every if self._states.takes_new_subscribers() else moved
         if rows.any() and self._states.has_subscribers:

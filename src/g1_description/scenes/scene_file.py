@@ -80,11 +80,16 @@ PLAIN = re.compile(r"[A-Za-z_]\w*", re.ASCII)
 WORDS = ("true", "false", "null", "yes", "no", "on", "off", "y", "n")
 
 
+def scene_of(motion: Path) -> Path:
+    """Return the file of the scene that belongs to the file of a motion."""
+    return motion.with_name(f"{motion.stem}.scene.yaml")
+
+
 def scene_next_to(motion: Path) -> Path | None:
     """Find the scene of a motion: ``NAME.scene.yaml`` next to ``NAME.csv``."""
     if not motion.is_file():  # but a folder of motions
         return None
-    file = motion.with_name(f"{motion.stem}.scene.yaml")
+    file = scene_of(motion)
     return file if file.is_file() else None
 
 

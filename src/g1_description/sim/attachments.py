@@ -28,6 +28,8 @@ class Attachments:
     def __init__(self, engine: Engine) -> None:
         self._engine = engine
         self._grips: dict[tuple[Model, int], Grip] = {}
+        self.changes = 0
+        """How often objects were attached or let go."""
 
     def __bool__(self) -> bool:
         return bool(self._grips)
@@ -64,7 +66,7 @@ class Attachments:
         self._grips[carried, tree] = grip
         in_order = sorted(self._grips.items(), key=lambda item: self._depth(item[1]))
         self._grips = dict(in_order)
-        self._write()
+        self._change()
 
     def _depth(self, grip: Grip) -> int:
         """Count what carries the carrier of a grip, which follows before it."""
@@ -95,7 +97,7 @@ class Attachments:
         if not self._engine.is_dynamic:
             pose = carried.root_poses[tree]
             carried.set_root(tree, pose, np.zeros(6))
-        self._write()
+        self._change()
 
     def forget(self, model: Model) -> None:
         """Let go all that a model carries, and the model."""
@@ -106,13 +108,18 @@ class Attachments:
         }
         if len(left) < len(self._grips):
             self._grips = left
-            self._write()
+            self._change()
 
     def clear(self) -> None:
         """Let everything go."""
         if self._grips:
             self._grips = {}
-            self._write()
+            self._change()
+
+    def _change(self) -> None:
+        """Count that objects were attached or let go."""
+        self.changes += 1
+        self._write()
 
     def _write(self) -> None:
         """Give the grips to the engine."""
