@@ -14,6 +14,7 @@ from waiting import wait_for
 
 from g1_description.scenes.scene import Scene
 from g1_description.web import scene_panel
+from g1_description.web.panel import PageContext
 
 pytestmark = pytest.mark.slow
 
@@ -61,6 +62,13 @@ def test_objects_are_added_changed_attached_saved_and_opened(page, tmp_path):
     assert around.carrier("brick") == "left_arm"
     page.robot.command({"left_elbow_joint": 1.0})
     wait(lambda s: s["brick"].pose[2] > 0.32, "a move with its link")
+    # Gizmos avoid objects where they are seen: next to those of another robot.
+    page.robot.offset = np.array([0.0, -1.0, 0.0])
+    context = PageContext(None, None, page.world, None, None, None, False)
+    seen, place = context.scene_now(page.robot)["brick"], around.shown()[1]["brick"]
+    page.robot.offset = np.zeros(3)
+    np.testing.assert_allclose(seen.pose[:3], place[:3] - [0.0, 1.0, 0.0])
+    assert [one.link for one in seen.attachments] == ["left_arm"]
     client.press("Save scene")
     client.wait_for(lambda: client.says("Saved "), "a notice")
     file = tmp_path / "scenes" / "scene.yaml"

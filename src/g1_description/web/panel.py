@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
+from g1_description.robot.transform import compose, translation
 from g1_description.scenes.carried import of_robot
+from g1_description.scenes.objects import Attachment, SceneObject
 from g1_description.scenes.scene import Scene
 from g1_description.web.check_thread import CheckThread, MakeChecker
 from g1_description.web.findings_panel import plain
-from g1_description.web.robot import ShownRobot, ShownWorld
+from g1_description.web.robot import ShownRobot, ShownScene, ShownWorld
 from g1_description.web.scene.stage import Stage
 from g1_description.web.shown import Shown
 from g1_description.web.ui_loop import UiLoop
@@ -66,17 +68,37 @@ class PageContext:
 
         None: nothing is known of any.
         """
+        around = self._around(robot)
+        return None if around is None else _own(around.scene().values(), robot)
+
+    def scene_now(self, robot: ShownRobot) -> Scene | None:
+        """Return the objects where the page shows them now, and what carries them."""
+        around = self._around(robot)
+        if around is None:
+            return None
+        objects, poses = around.shown()
+        shift, now = translation(around.offset), []
+        for name, seen in objects.items():
+            link, pose = around.carrier(name), compose(shift, poses[name])
+            held = (Attachment(link),) if link else ()
+            now.append(replace(seen.object, pose=pose, attachments=held))
+        return _own(now, robot)
+
+    def _around(self, robot: ShownRobot) -> ShownScene | None:
+        """Return the scene around a robot."""
         scenes = self.world.scenes
         row = min(self.world.robots.index(robot), len(scenes) - 1)
-        if not scenes:
-            return None
-        objects = scenes[row].scene().values()
-        return Scene([*of_robot(objects, robot.description, robot.name)])
+        return scenes[row] if scenes else None
 
     def refresh(self) -> None:
         """Let all panels look again at files that were saved."""
         for panel in self.panels:
             panel.refresh()
+
+
+def _own(objects: Iterable[SceneObject], robot: ShownRobot) -> Scene:
+    """Return a scene without the attachments of other robots."""
+    return Scene([*of_robot(objects, robot.description, robot.name)])
 
 
 class Panel:

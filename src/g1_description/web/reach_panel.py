@@ -198,7 +198,7 @@ class ReachPanel(RobotPanel):
     def _move(self, link: str, target: np.ndarray, point: np.ndarray) -> None:
         """Search a configuration, through which the robot moves."""
         if self.posing.avoid_collisions:
-            self.posing.scene = self.page.scene_of(self.robot)
+            self.posing.scene = self.page.scene_now(self.robot)
         pieces = self.posing.search(link, target, point)
         self._lane.go_through(_marked(pieces), partial(self._found, link), "search")
 
