@@ -28,6 +28,7 @@ from support.ros_testing import Connected, position_of, service, wait_for
 
 import g1_description
 from g1_description.cli import doctor
+from g1_description.errors import G1DescriptionError
 from g1_description.robot.urdf import parse_urdf
 from g1_description.ros.conversions import pose_from_array, robot_state_from_message
 from g1_description.ros.log import ThrottledLog
@@ -316,6 +317,8 @@ def test_objects_of_a_page_are_models_of_the_simulator():
     world.change("page_box", replace(box, link=replace(box.link, name="brick")))
     wait_for(lambda: is_at("brick", [1.0, 3.0, 0.5]), "another name")
     assert "page_box" not in world.shown()[0]
+    with pytest.raises(G1DescriptionError, match="no link left_hnad"):
+        world.attach("brick", "left_hnad")
     world.attach("brick", "left_hand")
     wait_for(lambda: world.carrier("brick") == "left_hand", "a hand that carries it")
     brick = world.scene()["brick"]

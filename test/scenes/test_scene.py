@@ -111,6 +111,11 @@ def test_what_is_saved_is_read_again(scene, tmp_path, ending):
         ("boxes: [1]", "must be a mapping"),
         ("cones: {a: {}}", "section 'cones'"),
         ("meshes: {a: {file: no.stl, at: [0, 0, 0]}}", "does not exist"),
+        ("meshes: {a: {file: ., at: [0, 0, 0]}}", "mesh of a is a folder"),
+        (
+            "planes: {a: {normal: [1, 0, 0], at: [0, 0, 0], quaternion: [0, 0, 0, 2]}}",
+            "The a quaternion must have length 1",
+        ),
         ("models: {a: {file: model://none}}", "no package 'none'"),
         ("attach: {a: {link: left_hand}}", "object 'a'"),
         ("spheres: {map: {radius: 1, at: [0, 0, 0]}}", "cannot be the name"),
@@ -165,6 +170,9 @@ def test_masses_of_meshes_fill_their_boxes(tmp_path):
 def test_attachments_do_not_overlap(scene):
     with pytest.raises(G1DescriptionError, match="overlap"):
         scene.attach("box", "torso", 8.0, 10.0)
+    scene.attach("can", "left_hand")
+    with pytest.raises(G1DescriptionError, match="left_hand from the start to the end"):
+        scene.attach("can", "right_hand", 2.0)
     with pytest.raises(G1DescriptionError, match="plane"):
         scene.attach("wall", "left_hand")
 

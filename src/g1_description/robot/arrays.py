@@ -158,15 +158,19 @@ def named_positions(
     return names, [float(array[joints.index(name)]) for name in names]
 
 
-def one_pose(base: Any) -> np.ndarray:
-    """Check the pose of a base, shape (7,).
+def one_pose(given: Any, label: str = "base") -> np.ndarray:
+    """Check a pose, shape (7,).
+
+    Args:
+        given: The pose.
+        label: Name of what has it, for messages.
 
     Raises:
         InvalidValueError: If it is not a single pose.
     """
-    pose = as_poses(base)
+    pose = as_poses(given, label)
     if pose.ndim != 1:
         raise InvalidValueError(
-            f"The base must be a single pose (got shape {pose.shape})."
+            f"The {label} must be a single pose (got shape {pose.shape})."
         )
     return pose

@@ -236,14 +236,26 @@ def attached(carried: SceneObject, link: str, begin: Any, end: Any) -> SceneObje
     new = Attachment(str(link), float(begin), float(end))
     every = sorted((*carried.attachments, new), key=lambda one: one.begin)
     ends = [time for one in every for time in (one.begin, one.end)]
-    if not begin < end or ends != sorted(ends):
+    if not begin < end:
         raise InvalidValueError(
             f"{name} cannot be attached to {link} from {begin:g} to {end:g} s: times "
-            "must increase, and must not overlap those of another attachment."
+            "must increase."
+        )
+    if ends != sorted(ends):
+        held = listed(f"{one.link} {_span(one)}" for one in carried.attachments)
+        raise InvalidValueError(
+            f"{name} cannot be attached to {link} {_span(new)}: attachments must not "
+            f"overlap, and it is attached to {held}. Detach it first, or give times."
         )
     if any(shape.kind == "plane" for shape in carried.link.collisions):
         raise InvalidValueError(f"{name} cannot be attached: it is a plane.")
     return replace(carried, attachments=tuple(every))
+
+
+def _span(one: Attachment) -> str:
+    """Write the times of an attachment."""
+    begin = "the start" if one.begin == -np.inf else f"{one.begin:g} s"
+    return f"from {begin} to {'the end' if one.end == np.inf else f'{one.end:g} s'}"
 
 
 def mesh_uri(name: str, file: str | PathLike[str]) -> str:
@@ -255,7 +267,9 @@ def mesh_uri(name: str, file: str | PathLike[str]) -> str:
     given = fspath(file)
     uri = given if "://" in given else Path(given).expanduser().absolute().as_uri()
     if local_path(uri, find_folder) is None:
-        raise InvalidValueError(f"The mesh of {name} does not exist: {given}.")
+        is_folder = "://" not in given and Path(given).expanduser().is_dir()
+        fault = "is a folder" if is_folder else "does not exist"
+        raise InvalidValueError(f"The mesh of {name} {fault}: {given}.")
     return uri
 
 
@@ -275,7 +289,7 @@ def object_pose(name: str, at: Any, rpy: Any = None) -> np.ndarray:
     """
     size = np.size(at)
     if size == len(IDENTITY) and rpy is None:
-        return np.array(one_pose(numbers(name, "pose", at, 7)))
+        return one_pose(numbers(name, "pose", at, 7), name)
     if size != 3:
         raise InvalidValueError(
             f"The place of {name} must be x y z in m, or a pose x y z and quaternion "

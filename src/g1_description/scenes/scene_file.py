@@ -351,7 +351,7 @@ def _keys(each: SceneObject, shape: Shape | None) -> dict[str, Any]:
         elif len(shape.size) > len(names):
             found = {key: [*shape.size] for key in names}
     found["at"] = each.pose[:3].tolist()
-    if not np.array_equal(each.pose[3:], IDENTITY[3:]):
+    if not np.allclose(each.pose[3:], IDENTITY[3:], 0.0, 1e-12):
         found["quaternion"] = each.pose[3:].tolist()
     if shape is not None and each.mass is not None:
         found["mass"] = each.mass

@@ -1,6 +1,7 @@
 """Spawns the objects of a scene in Gazebo, as any other program could.
 
-Calls: spawn_sdf_model (gazebo_msgs/SpawnModel), below /gazebo
+Calls: get_world_properties (gazebo_msgs/GetWorldProperties), spawn_sdf_model
+    (gazebo_msgs/SpawnModel), below /gazebo
 Parameters: those of SceneParameters
 """
 
@@ -12,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import rospy
-from gazebo_msgs.srv import SpawnModel
+from gazebo_msgs.srv import GetWorldProperties, SpawnModel
 
 from g1_description.choices import GAZEBO
 from g1_description.errors import G1DescriptionError
@@ -28,6 +29,9 @@ from g1_description.ros.parameters import read_parameters
 from g1_description.scenes.objects import SceneObject
 from g1_description.scenes.scene import Scene
 from g1_description.scenes.scene_file import sdf_model
+
+FLOOR = "ground_plane"
+"""Name of the floor in worlds of Gazebo."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +70,10 @@ def spawn(scene: Scene, gazebo: GazeboServices) -> None:
         ROSInterruptException: If the node was shut down meanwhile.
     """
     spawned = 0
+    there = gazebo.call("get_world_properties", GetWorldProperties).model_names
     for name, pose, text in models_of(scene):
+        if name == FLOOR and name in there:  # worlds have one, as Gazebo's own
+            continue
         try:
             gazebo.call(
                 "spawn_sdf_model", SpawnModel, name, text, "", pose_from_array(pose), ""

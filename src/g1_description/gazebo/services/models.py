@@ -242,16 +242,22 @@ def _carrier(simulation: Simulation, request) -> Model:
     world, link = simulation.world, request.link_name
     if request.model_name:
         return world.model(request.model_name)
-    robots = []
-    for model in world.models.values():
-        if model.joint_names:
-            with suppress(UnknownNameError):
-                link_row(model, link)
-                robots.append(model)
-    if len(robots) != 1:
-        names = listed(model.name for model in robots) or "no robot"
-        raise InvalidValueError(f"name the robot: the link {link} is one of {names}")
-    return robots[0]
+    robots = [model for model in world.models.values() if model.joint_names]
+    able = []
+    for model in robots:
+        with suppress(UnknownNameError):
+            link_row(model, link)
+            able.append(model)
+    if len(able) == 1 or len(robots) == 1:
+        return (able or robots)[0]  # whose links are listed if it lacks this one
+    if not able:
+        names = listed(model.name for model in robots)
+        found = (
+            f"none of the robots {names} has" if robots else "there is no robot with"
+        )
+        raise UnknownNameError(f"{found} a link {link}")
+    names = listed(model.name for model in able)
+    raise InvalidValueError(f"name the robot: {names} have a link {link}")
 
 
 def detach_object(simulation: Simulation, request):
