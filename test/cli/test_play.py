@@ -320,7 +320,8 @@ def test_a_motion_is_cut_and_moved_as_requested(tmp_path, capsys, monkeypatch):
     )
 
     def prepared(*words):
-        return play.prepare(parse(PlayOptions, "play", [str(file), *words]), view)
+        _, played = play.prepare(parse(PlayOptions, "play", [str(file), *words]), view)
+        return played
 
     plain = prepared("--from", "0.2", "--until", "0.6")
     assert plain.times[[0, -1]].tolist() == pytest.approx([0.2, 0.6])
