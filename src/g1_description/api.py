@@ -944,7 +944,9 @@ class Robot:
                 not fit the robot.
             G1DescriptionError: If a file or threshold is wrong.
         """
-        return self.checker(thresholds, scene=scene).contact_forces(self._fitted(motion))
+        return self.checker(thresholds, scene=scene).contact_forces(
+            self._fitted(motion)
+        )
 
     def write_page(
         self,

@@ -71,6 +71,36 @@ def test_what_a_link_carries_keeps_away_too(g1, standing):
     assert g1.ik(through, standing, BASE, scene=shelf(), **WHOLE).reached
 
 
+def test_what_is_carried_counts_in_the_balance(g1, standing):
+    name = g1.profile.links["left_hand"]
+    hand = g1.link_poses(standing, BASE)[name]
+    grip = np.array([0.15, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+    scene, ahead = Scene(), {"left_hand": [0.35, 0.1, 0.9]}
+    scene.box("weight", [0.1, 0.1, 0.1], compose(hand, grip), mass=5.0)
+    scene.attach("weight", "left_hand", 0.0)
+    found = g1.ik(ahead, standing, BASE, scene=scene, balance=0.04)
+    assert found.reached and found.margin == pytest.approx(0.04, abs=1e-3)
+    links = g1.link_poses(found.positions, found.base)
+    weights = {each.name: each.inertial for each in g1.description.links}
+    known = [(each, links[name]) for name, each in weights.items() if each]
+    places = [pose[:3] + rotate(pose[3:], m.center_of_mass) for m, pose in known]
+    places = [*places, compose(links[name], grip)[:3]]
+    center = np.average(places, axis=0, weights=[*(m.mass for m, _ in known), 5.0])
+    alone = g1.ik(ahead, standing, BASE, balance=0.04)
+    others = g1.center_of_mass(alone.positions, alone.base)
+    assert center[0] == pytest.approx(others[0], abs=2e-3)  # both 4 cm inside
+    times = np.linspace(0.0, 2.0, 81)
+    share = 0.5 - 0.5 * np.cos(np.pi * times / 2.0)
+    moved = np.array([0.25, 0.15, 0.85]) + np.outer(share, [0.1, 0.0, 0.1])
+    for balance, least in ((0.04, 0.04), ("zmp", 0.03)):
+        given = {"scene": scene, "balance": balance}
+        path = g1.ik_trajectory(times, {"left_hand": moved}, standing, BASE, **given)
+        checked = g1.check(path.motion, scene=scene).measured.balance
+        is_of_zmp = balance == "zmp"
+        margins = checked.zmp_margin if is_of_zmp else checked.center_margin
+        assert margins[5:-5].min() == pytest.approx(least, abs=2e-3)
+
+
 def test_feet_stand_on_what_is_flat(g1, standing):
     poses, feet = g1.link_poses(standing, BASE), ("left_foot", "right_foot")
     targets = {foot: poses[g1.profile.links[foot]].copy() for foot in feet}

@@ -114,23 +114,16 @@ def _piece(
     has_mass = robot.masses.total > 0.0
     if not (has_mass and {"center", "balance", "efforts", "forces"} & set(needs)):
         return found
-    loads = [(slice(0, len(times)), robot.masses)]
-    if around is not None:
-        loads = around.loads(robot.description, times)
-    parts = []
-    for rows, masses in loads:
-        moving = motion.dynamics(times[rows])
-        dynamics = inverse_dynamics(robot.kinematics, masses, moving)
-        part = {"power": _power(dynamics, moving)}
-        if {"efforts", "forces"} & set(needs):
-            part["efforts"], part["wrench"] = dynamics.efforts, dynamics.root_wrench
-        if "ground" in found:
-            speed = masses.robot_velocity(poses[rows], moves[rows])
-            part["center"] = dynamics.center_of_mass
-            part["is_still"] = _is_still(dynamics, speed, masses, robot.thresholds)
-        parts.append(part)
-    for name in parts[0]:
-        found[name] = np.concatenate([part[name] for part in parts])
+    masses = robot.masses if around is None else around.loaded(robot.masses, times)
+    moving = motion.dynamics(times)
+    dynamics = inverse_dynamics(robot.kinematics, masses, moving)
+    found["power"] = _power(dynamics, moving)
+    if {"efforts", "forces"} & set(needs):
+        found["efforts"], found["wrench"] = dynamics.efforts, dynamics.root_wrench
+    if "ground" in found:
+        speed = masses.robot_velocity(poses, moves)
+        found["center"] = dynamics.center_of_mass
+        found["is_still"] = _is_still(dynamics, speed, masses, robot.thresholds)
     return found
 
 
@@ -148,7 +141,7 @@ def _is_still(
     dynamics: Dynamics, velocity: np.ndarray, masses: Masses, thresholds: Thresholds
 ) -> np.ndarray:
     """Find where the centre of mass is still; velocity is in [m/s], shape (n, 3)."""
-    acceleration = dynamics.root_wrench[:, :3] / masses.total
+    acceleration = dynamics.root_wrench[:, :3] / masses.total[..., np.newaxis]
     acceleration[:, 2] -= GRAVITY
     is_slow = np.linalg.norm(velocity, axis=1) < thresholds.still_speed
     most = thresholds.still_acceleration

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -15,13 +14,12 @@ from g1_description.checks.surfaces import Surfaces
 from g1_description.checks.thresholds import Level, Thresholds
 from g1_description.collisions.contacts import Contacts
 from g1_description.collisions.obstacles import Obstacles
-from g1_description.robot.description import Description, Inertial, Link
+from g1_description.robot.description import Description
 from g1_description.robot.dynamics import Masses
-from g1_description.robot.lumping import combine_inertials
-from g1_description.robot.transform import IDENTITY
 from g1_description.scenes.carried import (
+    Held,
     LinkPoses,
-    applying,
+    held,
     holds_of,
     object_poses,
 )
@@ -109,53 +107,19 @@ class Surroundings:
         margin, floor = self._margin, self.floor
         found = self.obstacles.contacts_among(link_poses, poses, margin, floor)
         first, second = self._carried[:, found.pair]
-        held = self.held(times)
-        is_held = held[found.sample, first] | held[found.sample, second]
+        is_carried = self.held(times).carriers >= 0
+        is_held = is_carried[found.sample, first] | is_carried[found.sample, second]
         return found[np.flatnonzero((first < 0) | is_held)]
 
-    def held(self, times: np.ndarray) -> np.ndarray:
-        """Mark objects that links carry, shape (n, n_objects)."""
-        found = np.zeros((len(times), len(self.holds)), dtype=bool)
-        for column, some in enumerate(self.holds):
-            if len(some) > 1 or some[0].link:
-                found[:, column] = [bool(some[n].link) for n in applying(some, times)]
-        return found
+    def held(self, times: np.ndarray) -> Held:
+        """Find out what holds objects at times in [s], shape (n,)."""
+        return held(self.holds, times, [*self._links])
 
-    def loads(
-        self, robot: Description, times: np.ndarray
-    ) -> list[tuple[slice, Masses]]:
-        """Find the masses of the robot with what it carries.
-
-        Args:
-            robot: The robot.
-            times: Successive ones, in [s], shape (n,).
-
-        Returns:
-            Rows of the times, and the masses in these.
-        """
-        heavy = [
-            row
-            for row, some in enumerate(self.holds)
-            if self.objects[row].mass and any(hold.link for hold in some)
-        ]
-        held = [applying(self.holds[row], times) for row in heavy]
-        keys = np.stack([*held, np.zeros(len(times), dtype=int)], axis=1)
-        starts = np.flatnonzero((keys[1:] != keys[:-1]).any(axis=1)) + 1
-        bounds = [0, *starts.tolist(), len(times)]
-        found = []
-        for first, last in zip(bounds, bounds[1:]):
-            loads = defaultdict(list)
-            for row, number in zip(heavy, keys[first]):
-                hold, inertial = (
-                    self.holds[row][number],
-                    self.objects[row].link.inertial,
-                )
-                if hold.link and inertial is not None:
-                    loads[hold.link].append((inertial, hold.pose))
-            links = [_loaded(link, loads[link.name]) for link in robot.links]
-            masses = Masses(replace(robot, links=tuple(links)))
-            found.append((slice(first, last), masses))
-        return found
+    def loaded(self, masses: Masses, times: np.ndarray) -> Masses:
+        """Add what links carry at times in [s], shape (n,), to masses of the robot."""
+        objects = [each.link.inertial for each in self.objects]
+        found = self.held(times)
+        return masses.carrying(objects, found.carriers, found.poses)
 
     def without_supports(
         self,
@@ -204,9 +168,3 @@ def _runs_of_pairs(contacts: Contacts, mask: np.ndarray) -> Iterator[np.ndarray]
         rows = np.flatnonzero((contacts.pair == pair) & mask)
         ends = np.flatnonzero(np.diff(contacts.sample[rows]) > 1) + 1
         yield from np.split(rows, ends)
-
-
-def _loaded(link: Link, loads: Sequence[tuple[Inertial, np.ndarray]]) -> Link:
-    """Add inertials, with their poses in its frame, to a link."""
-    own = [] if link.inertial is None else [(link.inertial, IDENTITY)]
-    return replace(link, inertial=combine_inertials([*own, *loads])) if loads else link

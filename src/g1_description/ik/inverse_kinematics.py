@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import islice
 from typing import Any
 
@@ -213,6 +213,7 @@ class InverseKinematics:
         if self._description.root == WORLD:
             base_motion = "fixed"
         around = self.surroundings(options.scene) if options.scene else None
+        given = np.zeros(1) if times is None else times
         limits: list[Limit] = []
         if options.balance:
             is_of_zmp = options.balance == ZMP
@@ -228,18 +229,15 @@ class InverseKinematics:
             margin, share = BALANCE_MARGIN, BALANCE_SHARE
             if is_number(options.balance):
                 margin, share = float(options.balance), np.inf
-            limits.append(
-                BalanceLimit(
-                    self._solver.masses, supports, margin, share, floors, is_of_zmp
-                )
-            )
+            loaded = partial(around.loaded, given) if around else None
+            above = supports, margin, share, floors, is_of_zmp
+            limits.append(BalanceLimit(self._solver.masses, *above, loaded))
         floor = floor_height(options.floor, start)
         if floor is not None:
             limits.append(self._floor_limit(floor, start, {*fixed.values()}))
         if options.avoid_collisions:
             limits.append(self._distance_limit)
         if around:
-            given = np.zeros(1) if times is None else times
             limits.append(ObstacleLimit(around, given, fixed.values(), self._feet))
         stays_put = self._stays & (times is not None)
         lower = np.where(stays_put, start.position, self._lower)

@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Sequence
 from copy import copy
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol, Tuple
+from typing import Callable, NamedTuple, Protocol, Tuple
 
 import numpy as np
 
@@ -85,6 +85,11 @@ class Course(NamedTuple):
     """Poses of all links in the world, shape (n, n_links, 7)."""
 
 
+Loaded = Callable[[Masses, np.ndarray, Course], Masses]
+"""Adds what links carry to the masses of a robot, in configurations given by their
+rows in the course of a motion."""
+
+
 class BatchLimit(ABC):
     """A limit that is linearized at many configurations at once."""
 
@@ -128,6 +133,7 @@ class BalanceLimit(BatchLimit):
         share: float = np.inf,
         floors: Sequence[float] = (0.0,),
         is_of_zmp: bool = False,
+        loaded: Loaded | None = None,
     ) -> None:
         """Prepare polygons, one for each configuration of a batch, or one for all.
 
@@ -138,13 +144,14 @@ class BalanceLimit(BatchLimit):
             share: Most of the distance of a middle from its edges that the margin is.
             floors: Heights of the polygons, in [m].
             is_of_zmp: Whether the zero-moment point keeps the margin instead.
+            loaded: Adds the masses of what links carry; None: they carry nothing.
         """
         subject = "zero-moment point" if is_of_zmp else "centre of mass"
         self._subject, self.is_of_zmp = subject, is_of_zmp
         self.reached = f"the {subject} is at its margin from the edge"
         self.floors = np.array(floors)
         """Heights of the polygons, in [m], shape (n,)."""
-        self._masses = masses
+        self.masses, self._loaded = masses, loaded
         most = max(map(len, supports))
         filled = [[*one, *[one[-1]] * (most - len(one))] for one in supports]
         self._corners = np.array(filled)
@@ -160,9 +167,11 @@ class BalanceLimit(BatchLimit):
 
     def at(self, rows: np.ndarray, course: Course) -> BalanceLimit:
         """Return the limit of some configurations of the batch."""
-        if len(self._corners) == 1:
-            return self
         found = copy(self)
+        if self._loaded is not None:
+            found.masses = self._loaded(self.masses, rows, course)
+        if len(self._corners) == 1:
+            return found
         for name in ("floors", "margins", "_corners", "_normals", "_is_edge"):
             setattr(found, name, getattr(self, name)[rows])
         return found
@@ -190,8 +199,8 @@ class BalanceLimit(BatchLimit):
                 the world, in [m], shape (n, 2).
         """
         if places is None:
-            places = self._masses.robot_center(jacobians.link_poses)[:, :2]
-        moves = jacobians.of_center_of_mass(self._masses)[:, :2]
+            places = self.masses.robot_center(jacobians.link_poses)[:, :2]
+        moves = jacobians.of_center_of_mass(self.masses)[:, :2]
         rates = self._normals @ moves
         room = self._distances(places) - self.margins[:, np.newaxis]
         is_edge = np.broadcast_to(self._is_edge, room.shape)

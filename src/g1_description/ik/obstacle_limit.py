@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Sequence
 from copy import copy
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -21,12 +20,14 @@ from g1_description.ik.limits import (
 )
 from g1_description.ik.tasks import LinkTask
 from g1_description.robot.description import Description
+from g1_description.robot.dynamics import Masses
 from g1_description.robot.jacobians import Jacobians
 from g1_description.robot.rotation import conjugate, normalized, rotate
-from g1_description.robot.transform import compose
 from g1_description.scenes.carried import (
+    Held,
     LinkPoses,
     applying,
+    held,
     holds_of,
     object_poses,
 )
@@ -48,27 +49,6 @@ TOUCHING = 1e-3
 
 MAX_NAMED = 3
 """Most contacts in a message."""
-
-
-class Held(NamedTuple):
-    """What holds objects at some times."""
-
-    carriers: np.ndarray
-    """Rows of links, -1 where none carries the object, shape (n, n_objects)."""
-
-    poses: np.ndarray
-    """Poses in the frames of these links or else the map, shape (n, n_objects, 7)."""
-
-    is_taken: np.ndarray
-    """Whether a link has taken the object just before, shape (n, n_objects)."""
-
-    def placed(self, link_poses: np.ndarray) -> np.ndarray:
-        """Return T_map_object, shape (n, n_objects, 7), for T_map_link."""
-        samples, objects = np.nonzero(self.carriers >= 0)
-        found = self.poses.copy()
-        links = link_poses[samples, self.carriers[samples, objects]]
-        found[samples, objects] = compose(links, found[samples, objects])
-        return found
 
 
 class ObstacleScene:
@@ -106,21 +86,26 @@ class ObstacleScene:
             times: In [s], shape (n,).
             course: Where links are, as far as that is known.
         """
-        objects = [*self.scene.values()]
-        carriers = np.full((len(times), len(objects)), -1)
-        poses = np.empty((len(times), len(objects), 7))
-        is_taken = np.zeros(carriers.shape, dtype=bool)
-        names = self.obstacles.names
+        objects, names = [*self.scene.values()], self.obstacles.names
         holds = holds_of(objects, self._description, _links(course, names))
-        for column, some in enumerate(holds):
-            numbers = applying(some, times)
-            rows = np.array([names.index(h.link) if h.link else -1 for h in some])
-            carriers[:, column] = rows[numbers]
-            poses[:, column] = np.array([hold.pose for hold in some])[numbers]
-            begins = np.array([hold.begin for hold in some])[numbers]
-            begins = np.maximum(begins, course.times[0])
-            is_taken[:, column] = times < begins + TAKING
-        return Held(carriers, poses, is_taken & (carriers >= 0))
+        return held(holds, times, names)
+
+    def loaded(
+        self, times: np.ndarray, masses: Masses, rows: np.ndarray, course: Course
+    ) -> Masses:
+        """Add what links carry to the masses of the robot.
+
+        Args:
+            times: As for ``held``.
+            masses: Of the robot.
+            rows: Of the times at which they carry that.
+            course: As for ``held``.
+        """
+        if not any(each.mass and each.attachments for each in self.scene.values()):
+            return masses
+        objects = [each.link.inertial for each in self.scene.values()]
+        found = self.held(times[rows], course)
+        return masses.carrying(objects, found.carriers, found.poses)
 
     def frame_of(
         self, name: str, times: np.ndarray, course: Course
@@ -203,6 +188,7 @@ class ObstacleLimit(BatchLimit):
         may_touch = np.isin(first, [*feet]) | (first >= n_links)
         self._least = np.where(may_touch, 0.0, DISTANCE)
         self._held: Held | None = None
+        self._is_taken = np.zeros((0, 0), dtype=bool)
         self._parts: dict[int, list[LinkPart]] = {}
         for part in link_parts(each.link for each in surroundings.scene.values()):
             self._parts.setdefault(part.row, []).append(part)
@@ -210,7 +196,11 @@ class ObstacleLimit(BatchLimit):
     def at(self, rows: np.ndarray, course: Course) -> ObstacleLimit:
         """Return the limit of some configurations."""
         found = copy(self)
-        found._held = self._surroundings.held(self._times[rows], course)
+        times = self._times[rows]
+        held = found._held = self._surroundings.held(times, course)
+        begins = np.maximum(held.begins, course.times[0])
+        is_taken = (held.carriers >= 0) & (times[:, np.newaxis] < begins + TAKING)
+        found._is_taken = is_taken
         return found
 
     def approaches(self, jacobians: Jacobians) -> SampledApproach:
@@ -238,7 +228,7 @@ class ObstacleLimit(BatchLimit):
         first, second = movers[found.sample[:, np.newaxis], self._pairs[found.pair]].T
         is_near = first != second
         if len(link_poses) > 1:
-            is_taken = np.pad(self._held.is_taken, ((0, 0), (links.shape[1], 0)))
+            is_taken = np.pad(self._is_taken, ((0, 0), (links.shape[1], 0)))
             both = is_taken[found.sample[:, np.newaxis], self._pairs[found.pair]]
             is_near &= ~both.any(axis=1)
         moves = np.flatnonzero(is_near)

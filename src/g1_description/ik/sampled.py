@@ -150,7 +150,7 @@ class SampledSplines:
         if isinstance(limit, BatchLimit):
             limit = limit.at(rows, self.course(view))
         if isinstance(limit, BalanceLimit) and limit.is_of_zmp:
-            points, levers = self._zero_moment_points(view, rows, limit.floors)
+            points, levers = self._zero_moment_points(view, rows, limit)
             samples, (rates, room) = limit.approaches(some, points)
             lever = sparse.diags(np.bincount(rows, levers, weights.shape[0]))
             weights = (weights - lever @ self._rates[1]).tocsr()
@@ -167,9 +167,9 @@ class SampledSplines:
         return Approached(rows, rates, room, weights)
 
     def _zero_moment_points(
-        self, view: SampledView, rows: np.ndarray, floors: np.ndarray
+        self, view: SampledView, rows: np.ndarray, limit: BalanceLimit
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Compute the zero-moment points on floors of heights in [m].
+        """Compute the zero-moment points on the floors of a limit.
 
         Returns:
             In the world, in [m], shape (n, 2), and how far they are moved by an
@@ -185,9 +185,11 @@ class SampledSplines:
             changes[:, :6],
             changes[:, 6:],
         )
-        found = inverse_dynamics(self._solver.kinematics, self._solver.masses, motion)
+        masses, floors = limit.masses, limit.floors
+        found = inverse_dynamics(self._solver.kinematics, masses, motion)
         force, moment = np.split(found.root_wrench, 2, axis=1)
-        upward = np.maximum(force[:, 2:], 1e-3 * GRAVITY * self._solver.masses.total)
+        least = 1e-3 * GRAVITY * masses.total[..., np.newaxis]
+        upward = np.maximum(force[:, 2:], least)
         places = np.stack([-moment[:, 1], moment[:, 0]], axis=1)
         places = (places + floors[:, np.newaxis] * force[:, :2]) / upward
         return places, (found.center_of_mass[:, 2] - floors) / GRAVITY

@@ -6,13 +6,15 @@ Featherstone, Rigid Body Dynamics Algorithms, 2008, chapter 5.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
 
 from g1_description.errors import DescriptionError
 from g1_description.robot.assembly import WORLD
-from g1_description.robot.description import Description
+from g1_description.robot.description import Description, Inertial
 from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.rotation import cross, rotate, to_axes
 
@@ -21,7 +23,10 @@ GRAVITY = 9.8
 
 
 class Masses:
-    """The mass properties of all links, as arrays in the order of the description."""
+    """The mass properties of all links, as arrays in the order of the description.
+
+    Links that carry objects have leading axes, those of a batch.
+    """
 
     def __init__(self, description: Description) -> None:
         """Collect them.
@@ -39,8 +44,59 @@ class Masses:
                 self.mass[row] = link.inertial.mass
                 self.center_of_mass[row] = link.inertial.center_of_mass
                 self.inertia[row] = link.inertial.inertia
-        self.total = float(self.mass.sum())
         self._name = description.name
+
+    @property
+    def total(self) -> np.ndarray:
+        """Return the mass of the robot in [kg], shape (...)."""
+        return np.asarray(self.mass.sum(axis=-1))
+
+    @property
+    def shares(self) -> np.ndarray:
+        """Return masses relative to the total, shape (..., n_links); NaN without."""
+        total = self.total
+        return self.mass / np.where(total > 0.0, total, np.nan)[..., np.newaxis]
+
+    def carrying(
+        self,
+        objects: Sequence[Inertial | None],
+        carriers: np.ndarray,
+        poses: np.ndarray,
+    ) -> Masses:
+        """Add objects to the links that carry them.
+
+        Args:
+            objects: Mass properties of m objects; None: no mass.
+            carriers: Rows of links, -1 where none carries the object, shape (n, m).
+            poses: T_link_object, shape (n, m, 7).
+
+        Returns:
+            With a leading axis of n; these if no object with a mass is carried.
+        """
+        found, counts = copy(self), (len(carriers), 1, 1, 1)
+        for column, one in enumerate(objects):
+            rows = np.flatnonzero(carriers[:, column] >= 0)
+            if one is None or not one.mass or not len(rows):
+                continue
+            if found.mass is self.mass:
+                found.mass = np.tile(self.mass, counts[:2])
+                found.center_of_mass = np.tile(self.center_of_mass, counts[:3])
+                found.inertia = np.tile(self.inertia, counts)
+            at, pose = (rows, carriers[rows, column]), poses[rows, column]
+            own, axes = found.mass[at], to_axes(pose[:, 3:])
+            center = pose[:, :3] + rotate(pose[:, 3:], one.center_of_mass)
+            apart = center - found.center_of_mass[at]
+            share = one.mass / (own + one.mass)
+            across = np.cross(np.eye(3), apart[:, np.newaxis])
+            found.inertia[at] += axes @ one.inertia @ np.swapaxes(axes, 1, 2)
+            found.inertia[at] -= (own * share)[:, None, None] * (across @ across)
+            found.center_of_mass[at] += share[:, np.newaxis] * apart
+            found.mass[at] += one.mass
+        return found
+
+    def mean(self, values: np.ndarray) -> np.ndarray:
+        """Return the mean of links' values by their masses, shape (..., 3)."""
+        return np.asarray((self.shares[..., np.newaxis, :] @ values)[..., 0, :])
 
     def centers(self, link_poses: np.ndarray) -> np.ndarray:
         """Compute the links' centres of mass.
@@ -65,11 +121,11 @@ class Masses:
         Raises:
             DescriptionError: If the robot has no mass.
         """
-        if not self.total > 0.0:
+        if not np.all(self.total > 0.0):
             raise DescriptionError(
                 f"{self._name} has no centre of mass: none of its links has a mass."
             )
-        return (self.mass / self.total) @ self.centers(link_poses)
+        return self.mean(self.centers(link_poses))
 
     def robot_velocity(
         self, link_poses: np.ndarray, link_twists: np.ndarray
@@ -86,8 +142,7 @@ class Masses:
         """
         levers = self.centers(link_poses) - link_poses[..., :3]
         velocities = link_twists[..., :3] + cross(link_twists[..., 3:], levers)
-        total = self.total if self.total > 0.0 else np.nan
-        return (self.mass / total) @ velocities
+        return self.mean(velocities)
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,9 +221,7 @@ def inverse_dynamics(
     centers = masses.centers(poses)
     wrenches = _wrenches(poses, centers, masses, twists, rates, gravity)
     efforts = (screws * (above.T @ wrenches)).sum(axis=-1)
-    total = masses.total if masses.total > 0.0 else np.nan
-    center = (masses.mass / total) @ centers
-    return Dynamics(efforts, wrenches.sum(axis=-2), center, poses)
+    return Dynamics(efforts, wrenches.sum(axis=-2), masses.mean(centers), poses)
 
 
 def _root_twist(motion: RobotMotion) -> np.ndarray:
@@ -220,7 +273,7 @@ def _wrenches(
     speed = twists[..., :3] + cross(spin, centers)
     acceleration = rates[..., :3] + cross(turning, centers) + cross(spin, speed)
     acceleration[..., 2] += gravity
-    force = masses.mass[:, np.newaxis] * acceleration
+    force = masses.mass[..., np.newaxis] * acceleration
     axes = to_axes(poses[..., 3:])
     inertia = axes @ masses.inertia @ np.swapaxes(axes, -1, -2)
     momentum = (inertia @ spin[..., np.newaxis])[..., 0]

@@ -125,9 +125,9 @@ class Jacobians:
             J such that J @ velocities is the velocity of the centre of mass, along the
             world's axes, shape (..., 3, 6 + n_joints).
         """
-        share = masses.mass / masses.total
-        carried = (share @ self._moves)[:, np.newaxis]
-        shares = np.swapaxes(self._moves * share[:, np.newaxis], 0, 1)
+        share = masses.shares[..., np.newaxis]
+        carried = (np.swapaxes(share, -1, -2) @ self._moves)[..., 0, :, np.newaxis]
+        shares = np.swapaxes(self._moves * share, -1, -2)
         levers = shares @ masses.centers(self.link_poses)
         moved = carried * self._screws[..., :3] - cross(levers, self._screws[..., 3:])
         return np.swapaxes(moved, -1, -2)

@@ -42,6 +42,49 @@ def applying(holds: Sequence[Hold], times: np.ndarray) -> np.ndarray:
     return np.asarray(np.searchsorted(begins, times, "right") - 1)
 
 
+class Held(NamedTuple):
+    """What holds objects at some times."""
+
+    carriers: np.ndarray
+    """Rows of links, -1 where none carries the object, shape (n, n_objects)."""
+
+    poses: np.ndarray
+    """Poses in the frames of these links or else the map, shape (n, n_objects, 7)."""
+
+    begins: np.ndarray
+    """When that began, in [s], shape (n, n_objects)."""
+
+    def placed(self, link_poses: np.ndarray) -> np.ndarray:
+        """Return T_map_object, shape (n, n_objects, 7), for T_map_link."""
+        samples, objects = np.nonzero(self.carriers >= 0)
+        found = self.poses.copy()
+        links = link_poses[samples, self.carriers[samples, objects]]
+        found[samples, objects] = compose(links, found[samples, objects])
+        return found
+
+
+def held(
+    holds: Sequence[Sequence[Hold]], times: np.ndarray, links: Sequence[str]
+) -> Held:
+    """Find out what holds objects at times.
+
+    Args:
+        holds: Those of each object, see ``holds_of``.
+        times: In [s], shape (n,).
+        links: Names of the links by row.
+    """
+    carriers = np.full((len(times), len(holds)), -1)
+    poses = np.empty((len(times), len(holds), 7))
+    begins = np.empty(carriers.shape)
+    for column, some in enumerate(holds):
+        numbers = applying(some, times)
+        rows = np.array([links.index(h.link) if h.link else -1 for h in some])
+        carriers[:, column] = rows[numbers]
+        poses[:, column] = np.array([hold.pose for hold in some])[numbers]
+        begins[:, column] = np.array([hold.begin for hold in some])[numbers]
+    return Held(carriers, poses, begins)
+
+
 class RobotLinks:
     """The links of a robot, for poses along its motions."""
 
