@@ -20,8 +20,9 @@ from g1_description.text import listed
 def simulate(measured: Measured, conditions: Conditions) -> Rollout:
     """Simulate a motion among the objects of its scene.
 
-    Objects without mass are static, others move by themselves; one that a link carries
-    throughout is a part of the link. The robot starts on what is below it.
+    Objects without mass are static, others move by themselves, but for the times in
+    which links carry them; one that a link carries throughout is a part of the link.
+    The robot starts on what is below it.
 
     Args:
         measured: The motion, with its surroundings and ground.
@@ -38,35 +39,40 @@ def simulate(measured: Measured, conditions: Conditions) -> Rollout:
             return played
         why = "The simulation ignores the objects of the scene."
         return replace(played, left_out=(*played.left_out, why))
+    held: list[tuple[float, str, str]] = []
     free, left_out = [], []
     for each, holds in zip(around.objects, around.holds):
-        if len(holds) == 1:
+        if _is_always_carried(holds, motion):
+            robot = _carrying(robot, each.link, holds[1])
+        elif len(holds) > 1 and each.mass is None:
+            left_out.append(each.name)
+        else:
             link = Description(each.name, each.name, (each.link,), ())
             assembly = Assembly(link, static=each.mass is None)
             free.append((each.name, assembly, each.pose))
-        elif _is_always_carried(holds, motion):
-            robot = _carrying(robot, each.link, holds[1])
-        else:
-            left_out.append(each.name)
+            held += [(hold.begin, each.name, hold.link) for hold in holds[1:]]
     lift = GAP - float(ground.heights[0].min())
     bases = motion.base_poses
     assert bases is not None, "the ground is known"
     bases = bases + lift * np.eye(7)[2]
-    placed = replace(conditions, objects=tuple(free), on_floor=False)
+    held.sort()
+    among = replace(conditions, objects=tuple(free), holds=tuple(held))
+    placed = replace(among, on_floor=False)
     played = rollout(robot, replace(motion, base_poses=bases), placed)
     if not left_out:
         return played
     why = (
-        "The simulation ignores what links carry for a part of the motion only: "
-        f"{listed(left_out)}."
+        "The simulation ignores objects without a mass that links carry for a part of "
+        f"the motion: {listed(left_out)}."
     )
     return replace(played, left_out=(*played.left_out, why))
 
 
 def _is_always_carried(holds: Sequence[Hold], motion: Motion) -> bool:
     """Return whether one link carries an object throughout."""
-    is_from_start = holds[1].begin <= motion.begin
-    return is_from_start and (len(holds) == 2 or holds[2].begin >= motion.end)
+    begins = [hold.begin for hold in holds[1:]]
+    is_from_start = bool(begins) and begins[0] <= motion.begin
+    return is_from_start and not any(begin < motion.end for begin in begins[1:])
 
 
 def _carrying(robot: Description, link: Link, hold: Hold) -> Description:

@@ -7,7 +7,7 @@ the simulator, in a world of its own: the result is deterministic.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 
@@ -59,6 +59,10 @@ class Conditions:
         default=(), compare=False
     )
     """Names of other models, their links, and their poses in the world."""
+
+    holds: tuple[tuple[float, str, str], ...] = field(default=(), compare=False)
+    """Times in [s], increasing, names of objects, and links of the robot that carry
+    them from then on; empty: none does."""
 
     rate: float = 200.0
     """Largest number of recorded rows per second of simulated time, in [Hz]."""
@@ -125,6 +129,9 @@ class Rollout:
     """Vertical shift of the motion to start on the floor, or clear of it, in [m]; 0
     without a base."""
 
+    object_poses: Mapping[str, np.ndarray]
+    """T_world_object of other models at the end by name, shape (7,)."""
+
     left_out: tuple[str, ...]
     """A message for each part of the robot that is not simulated."""
 
@@ -180,30 +187,11 @@ def rollout(
         begin, step = float(played.times[0]), world.properties.time_step
         start_ns = world.time_ns - round(1e9 * begin)
         world.motions.play(model, played, start_ns)
-        end_ns = start_ns + round(1e9 * played.end)
-        n_steps, stride = _steps(end_ns - world.time_ns, under)
-        together = stride * max(1, MAX_STEPS // stride)
-        rows: list[np.ndarray] = []
-        tracker: MotionTracker | None = None
-        since: list[Steps] = []
-        number = 0
-        while number < n_steps and not (tracker and tracker.has_fallen):
-            most = min(together - number % together, n_steps - number)
-            count = world.advance(most)
-            number += count
-            tracker = tracker or world.motions.tracker(model)
-            assert tracker is not None, "a motion in hold is tracked"
-            since.append(world.engine.last_steps(model, count))
-            if count == most or tracker.has_fallen:
-                fall = tracker.report.fall_time
-                end = n_steps if fall is None else round((fall - begin) / step)
-                rows.append(_rows(since, stride, number, end))
-                since = []
-                if on_progress:
-                    on_progress(number / n_steps)
-        assert tracker is not None  # there is at least one step
+        counts = _steps(start_ns + round(1e9 * played.end) - world.time_ns, under)
+        given = begin, counts, under.holds, on_progress
+        tracker, rows = _stepped(world, model, *given)
         widths = [1, *4 * [len(model.joint_names)], 7]
-        columns = np.split(np.concatenate(rows), np.cumsum(widths)[:-1], axis=1)
+        columns = np.split(rows, np.cumsum(widths)[:-1], axis=1)
         numbers, positions, velocities, efforts, mean_efforts, bases = columns
         times = begin + step * numbers[:, 0]
         at_times = sample(played, times)
@@ -227,9 +215,70 @@ def rollout(
             base_poses=bases,
             desired_base_poses=desired_bases,
             lift=lift,
+            object_poses={
+                name: world.model(name).root_poses[0].copy()
+                for name, *_ in under.objects
+            },
             left_out=left_out,
             engine=under.engine,
         )
+
+
+def _stepped(
+    world: World,
+    model: Model,
+    begin: float,
+    counts: tuple[int, int],
+    holds: Sequence[tuple[float, str, str]],
+    on_progress: Callable[[float], None] | None,
+) -> tuple[MotionTracker, np.ndarray]:
+    """Compute the steps of a motion that is played; a fall ends it.
+
+    Args:
+        world: The world.
+        model: The robot.
+        begin: First time of the motion, in [s].
+        counts: Numbers of steps, and of steps per row.
+        holds: As in ``Conditions``.
+        on_progress: As for ``rollout``.
+
+    Returns:
+        The robot's tracker, and rows as from ``_rows``.
+    """
+    (n_steps, stride), step = counts, world.properties.time_step
+    together = stride * max(1, MAX_STEPS // stride)
+    due = [math.ceil(max((one[0] - begin) / step - 1e-6, 0.0)) for one in holds]
+    rows: list[np.ndarray] = []
+    tracker: MotionTracker | None = None
+    since: list[Steps] = []
+    number = held = 0
+    while number < n_steps and not (tracker and tracker.has_fallen):
+        while held < len(due) and due[held] <= number:
+            _hold(world, model, *holds[held][1:])
+            held += 1
+        most = min(together - number % together, n_steps - number)
+        count = world.advance(min([most, *(one - number for one in due[held:])]))
+        number += count
+        tracker = tracker or world.motions.tracker(model)
+        assert tracker is not None, "a motion in hold is tracked"
+        since.append(world.engine.last_steps(model, count))
+        if not number % together or number == n_steps or tracker.has_fallen:
+            fall = tracker.report.fall_time
+            end = n_steps if fall is None else round((fall - begin) / step)
+            rows.append(_rows(since, stride, number, end))
+            since = []
+            if on_progress:
+                on_progress(number / n_steps)
+    assert tracker is not None  # there is at least one step
+    return tracker, np.concatenate(rows)
+
+
+def _hold(world: World, robot: Model, name: str, link: str) -> None:
+    """Let a link of a robot carry an object, or let the object go."""
+    if link:
+        world.attachments.attach(world.model(name), "", robot, link)
+    else:
+        world.attachments.detach(world.model(name))
 
 
 def _rows(parts: Sequence[Steps], stride: int, last: int, end: int) -> np.ndarray:
