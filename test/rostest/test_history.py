@@ -8,6 +8,7 @@ from contextlib import closing, suppress
 from pathlib import Path
 
 import numpy as np
+import rosbag
 import rospy
 from g1_description.msg import RobotState as RobotStateMessage
 from g1_description.msg import RobotTrajectory
@@ -256,7 +257,8 @@ class TestHistory(unittest.TestCase):
 
     def bridge(self, namespace, *arguments):
         """Start another bridge, and wait for it."""
-        process = Program("link_states_bridge.py", f"__ns:={namespace}", *arguments)
+        arguments = "link_states_bridge.py", f"__ns:={namespace}", *arguments
+        process = Program(*arguments, environment={"ROS_HOME": str(self.folder)})
         self.addCleanup(process.wait)
         self.addCleanup(process.terminate)
         service(f"{namespace}/get_history", GetHistory)
@@ -265,8 +267,11 @@ class TestHistory(unittest.TestCase):
     def test_a_client_finds_the_bridge_again_after_a_restart(self):
         client = HistoryClient("/again/get_history")
         self.addCleanup(client.close)
-        for _ in range(2):
+        last = self.folder / "g1_description" / "last.bag"
+        for number in range(4):
             process = self.bridge("/again", "robot_description:=/robot_description")
+            heard = Connected("/again/joint_states", JointState, queue_size=None)
+            self.addCleanup(heard.close)
 
             def has_states():
                 with suppress(RefusedError):  # none yet
@@ -275,8 +280,30 @@ class TestHistory(unittest.TestCase):
             part = wait_for(has_states, "a state")
             self.assertEqual((part.first_run, part.last_run), (1, 1))
             self.assertEqual(client.at(part.last).stretch.stamps[-1], part.last)
-            process.terminate()
-            process.wait()
+            commands = rospy.Publisher(
+                "/again/joint_commands", JointState, queue_size=1
+            )
+            wait_for(commands.get_num_connections, "the bridge")
+            angle = 0.1 * (number + 1)
+            commands.publish(JointState(name=[ELBOW], position=[angle]))
+            heard.wait(lambda m, at=angle: abs(position_of(m, ELBOW) - at) < 1e-6)
+            process.send_signal((signal.SIGINT, signal.SIGTERM)[number % 2])
+            output, _ = process.communicate()
+            self.assertEqual(f"is in {last}" in output, number > 0)
+            heard.close()
+            with rosbag.Bag(str(last)) as bag:
+                kept = [m for _, m, _ in bag.read_messages(["/joint_states"])]
+                topic = ["/received_commands"]
+                ((_, command, _),) = bag.read_messages(topic)
+            self.assertEqual(command.sender, rospy.get_name())
+            np.testing.assert_allclose(command.positions, [angle], rtol=1e-6)
+            known = {m.header.stamp: m.position for m in heard.messages}
+            both = [m for m in kept if m.header.stamp in known]
+            self.assertGreaterEqual(len(both), len(known) - 1)
+            for m in both:
+                self.assertEqual(m.position, known[m.header.stamp])
+        files = sorted(path.name for path in last.parent.glob("*last*"))
+        self.assertEqual(files, ["last.1.bag", "last.2.bag", "last.bag"])
         with self.assertRaisesRegex(NoAnswerError, "is a bridge running"):
             client.part()
 

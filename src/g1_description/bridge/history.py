@@ -13,11 +13,15 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
 
 from g1_description.bridge.parameters import RobotParameters, topic_of
-from g1_description.bridge.recorded_file import ENDINGS, write_motion_file
+from g1_description.bridge.recorded_bag import write_bag
+from g1_description.bridge.recorded_file import BAG, ENDINGS, write_motion_file
 from g1_description.bridge.status import RobotStatus
 from g1_description.errors import G1DescriptionError, InvalidValueError
+from g1_description.files.atomic import whole_file
+from g1_description.motion.files.recordings import most_samples
 from g1_description.motion.history import gaps_text
 from g1_description.motion.history_chunks import Stretch
+from g1_description.robot.poses import user_file
 from g1_description.ros.conversions import stamp_from_ns
 from g1_description.ros.history import answer_from_stretch, commands_to_messages
 from g1_description.srv import (
@@ -35,6 +39,9 @@ MAX_STATES = 5000
 
 MAX_NAMES = 3
 """Most joints that are named in a command; of more, their number is."""
+
+KEPT = 3
+"""Bags of ended bridges that are kept."""
 
 
 class HistoryServices:
@@ -166,6 +173,54 @@ class HistoryServices:
             f"Ignored {stretch.others} states with other joints than the last one."
         )
         return f"{missing} {ignored}".strip()
+
+
+def last_bag(robot: RobotParameters) -> Path:
+    """Return the bag with the history of a robot whose bridge has ended."""
+    parts = ["last", *filter(None, robot.namespace.split("/"))]
+    return user_file().with_name("_".join(parts) + BAG)
+
+
+def announce_last_bag(robot: RobotParameters) -> None:
+    """Log where the history of the bridge before is, if it has left one."""
+    path = last_bag(robot)
+    if path.is_file():
+        ended = time.localtime(path.stat().st_mtime)
+        when = time.strftime("%Y-%m-%d %H:%M:%S", ended)
+        rospy.loginfo(
+            "The history of the bridge that ended at %s is in %s.", when, path
+        )
+
+
+def keep_last_bag(robot: RobotParameters, status: RobotStatus) -> None:
+    """Write the newest run of a robot's history to a bag; the bags before are renamed.
+
+    Raises:
+        G1DescriptionError: If it cannot be written.
+    """
+    history = status.history
+    runs = {} if history is None else history.runs()
+    if history is None or not runs:
+        return
+    run = max(runs)
+    first, last = runs[run]
+    stretch = history.stretch(first, last + 1, run=run)
+    assert stretch is not None, "there is a run"
+    stretch = stretch.rows(slice(-most_samples(stretch.names, True), None))
+    first = int(stretch.stamps[0])
+    streams = history.commands(first, last, run, with_positions=True)
+    commands = [
+        ("/received_commands", one.first.to_nsec(), one)
+        for one in commands_to_messages(streams)
+    ]
+    path = last_bag(robot)
+    with whole_file(path) as part:
+        given = stretch.motion(), status.description, first, stretch.efforts
+        write_bag(part, *given, commands)
+        names = [path, *(path.with_suffix(f".{n}{BAG}") for n in range(1, KEPT))]
+        for older, newer in zip(names[:0:-1], names[-2::-1]):
+            if newer.exists():
+                newer.replace(older)
 
 
 def joints_text(names: Sequence[str]) -> str:

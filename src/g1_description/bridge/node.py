@@ -30,7 +30,12 @@ from g1_description.bridge.action import ACTION, FollowJointTrajectory
 from g1_description.bridge.controllers import Controller
 from g1_description.bridge.estimator import JointStateEstimator
 from g1_description.bridge.health import BridgeHealth
-from g1_description.bridge.history import HistoryServices, record_joint_command
+from g1_description.bridge.history import (
+    HistoryServices,
+    announce_last_bag,
+    keep_last_bag,
+    record_joint_command,
+)
 from g1_description.bridge.motion_topics import MotionTopics
 from g1_description.bridge.parameters import (
     BridgeParameters,
@@ -47,7 +52,7 @@ from g1_description.errors import G1DescriptionError
 from g1_description.motion.history import History
 from g1_description.robot.description import Description
 from g1_description.robot.launch_arguments import check_trails
-from g1_description.ros.lifecycle import quiet_when_closing, start_node
+from g1_description.ros.lifecycle import quiet_when_closing, start_node, unbroken
 from g1_description.ros.log import SHORT_PERIOD, ThrottledLog
 from g1_description.ros.map_frame import MapFrame
 from g1_description.ros.parameters import read_parameters
@@ -117,6 +122,7 @@ class BridgeNode:
             )
             MotionTopics(robot, status, player, frame, self._log)
             HistoryServices(robot, status)
+            announce_last_bag(robot)
         self._actions = [
             FollowJointTrajectory(
                 topic_of(robot, posixpath.join(controller.name, ACTION)),
@@ -132,6 +138,7 @@ class BridgeNode:
         self._source.start()
         self._stopped = threading.Event()
         rospy.on_shutdown(self._stopped.set)
+        rospy.on_shutdown(partial(_keep_last_bags, robots, statuses))
         threading.Thread(target=self._keep_house, daemon=True).start()
         # In a thread of its own: the master may take long to answer, or be gone.
         watch_publishers(self._look_at_publishers, MASTER_PERIOD)
@@ -229,6 +236,19 @@ class BridgeNode:
         due = [moment for moment in self._repeats if moment <= now]
         self._repeats = self._repeats[len(due) :]
         return bool(due)
+
+
+def _keep_last_bags(
+    robots: Sequence[tuple[RobotParameters, Description]],
+    statuses: Sequence[RobotStatus],
+) -> None:
+    """Keep the histories of all robots, also after an exception."""
+    with unbroken:
+        for (robot, _), status in zip(robots, statuses):
+            try:
+                keep_last_bag(robot, status)
+            except G1DescriptionError as error:
+                rospy.logwarn("The history of %s is lost: %s", status.name, error)
 
 
 def main() -> None:

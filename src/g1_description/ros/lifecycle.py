@@ -20,6 +20,10 @@ SHUTDOWN_TIMEOUT = 1.8
 """Longest time from a signal to the end of the program, in [s]."""
 
 
+unbroken = threading.Lock()
+"""Held by what is done at a shutdown and takes longer, such as writing a file."""
+
+
 def start_node(name: str, **options) -> None:
     """Start the node; a signal ends it from a thread of its own.
 
@@ -42,11 +46,15 @@ def start_node(name: str, **options) -> None:
     handle_signals(lambda *_: None)
     codes: list[int] = []
 
+    def cut(code):
+        with unbroken:
+            os._exit(code)
+
     def end():
         for number in reader.recv(1):  # none if the program has ended by itself
             codes.append(128 + number)
             # rospy may block on a missing master.
-            last = threading.Timer(SHUTDOWN_TIMEOUT, os._exit, codes)
+            last = threading.Timer(SHUTDOWN_TIMEOUT, cut, codes)
             last.daemon = True
             last.start()
             rospy.signal_shutdown(f"signal {number}")
