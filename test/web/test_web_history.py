@@ -16,9 +16,11 @@ from shown_pages import ARMS
 from web_clients import running
 
 from g1_description import Robot
+from g1_description.bridge.recorded_file import write_motion_file
 from g1_description.checks.checker import Checker
 from g1_description.checks.thresholds import Thresholds
 from g1_description.errors import InvalidValueError
+from g1_description.motion.files.formats import read_motion
 from g1_description.motion.history import History, HistoryPart, gaps_text
 from g1_description.robot.state import RobotState
 from g1_description.robot.urdf import parse_urdf
@@ -105,10 +107,14 @@ def robots():
 
 
 @pytest.fixture
-def browser(robots):
-    """A browser with the page of both."""
+def browser(robots, monkeypatch, tmp_path):
+    """A browser with the page of both, after a bridge that has ended."""
+    monkeypatch.setenv("ROS_HOME", str(tmp_path))
+    one = robots[0]
+    motion, last = one.record.stretch(0, 50 * 10**9).motion(), "g1_description/last.bag"
+    write_motion_file(tmp_path / last, motion, one.description)
     show = Page(
-        FileWorld([*robots], None),
+        FileWorld([*robots], lambda path, robot, _: read_motion(path, robot)),
         ServerOptions(port=0),
         lambda robot: Checker(robot, Thresholds()),
     )
@@ -153,6 +159,12 @@ def test_a_robot_is_never_shown_with_the_state_of_another_one(robots, browser):
     two.history.problem = ""
     browser.press(found)
     wait_until_shown(browser, 30.0, "two: 30.000 s")
+
+
+def test_the_history_of_an_ended_bridge_is_a_motion(browser):
+    browser.set("Ended bridge", "last.bag")
+    browser.wait_for(lambda: browser.says("40.00 s, 801 samples"), "the motion")
+    browser.element("32.00 s  position left_elbow")
 
 
 def test_there_is_nothing_later_than_live(browser):

@@ -94,6 +94,13 @@ class HistoryPanel(Panel):
             hint="saved as CSV unless it ends in .npz, .bag or .mcap",
         )
         save = gui.add_button("Save this range", hint=f"into {folder()}")
+        kept = [path.name for path in sorted(folder().parent.glob("last*.bag"))]
+        self._ended = gui.add_dropdown(
+            "Ended bridge",
+            ["", *kept],
+            hint="opens the history that it left, on the tab Motion",
+            visible=bool(kept),
+        )
         start = gui.add_button(
             "Start here",
             color="orange",
@@ -113,6 +120,7 @@ class HistoryPanel(Panel):
         ui.on(start, self._start)
         ui.on(check, self._check)
         ui.on(save, self._save)
+        ui.on(self._ended, self._open_ended)
 
     def hotkeys(self) -> list[Key]:
         """List its keys; the arrows step through the open motion in the present."""
@@ -388,6 +396,14 @@ class HistoryPanel(Panel):
             self.ui.notify(text.strip(), "green")
 
         self._lane.do(save)
+
+    def _open_ended(self) -> None:
+        """Open the history that a bridge left at its end."""
+        name, robot = str(self._ended.value), self._robot
+        if name:
+            read = partial(self.world.read, folder().parent / name, robot, None)
+            show = partial(self.page.get(MotionPanel).open, name, robot)
+            self._lane.do(read, show)
 
 
 def _timed(part: HistoryPart) -> Motion:
