@@ -21,7 +21,7 @@ POST = """<robot name="post">
     <collision><origin xyz="0 0 0.25"/><geometry><box size="0.04 0.04 0.3"/></geometry>
     </collision></link>
   <joint name="arm_joint" type="revolute"><parent link="base"/><child link="arm"/>
-    <axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="0.5" velocity="3"/></joint>
+    <axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="0.62" velocity="3"/></joint>
 </robot>"""
 """An arm on a flat box, and a weak motor."""
 

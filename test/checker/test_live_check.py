@@ -67,7 +67,7 @@ def test_a_state_is_judged_as_the_checker_does(live, checker):
     verdict = live.check(state(1.0, JOINTS, BASE))
     assert verdict.findings == checker.check_state(JOINTS, BASE).findings
     assert is_at_rest(verdict)
-    assert "zero_moment_point" not in verdict.checked
+    assert "contact_forces" not in verdict.checked
 
 
 def test_what_has_not_changed_is_not_judged_again(live):

@@ -135,7 +135,7 @@ def three_verdicts():
         finding("penetration", "warning", (), (9.0, 10.0), (0.0, 1.0), (0.5, 2.0)),
         finding("floating", "failed", ("x" * 60,), (5.0, 6.0)),
         finding("center_of_mass", "warning", ("left_link",), (3.0, 4.0)),
-        finding("zero_moment_point", "failed", (), (0.0, 0.5)),
+        finding("contact_forces", "failed", (), (0.0, 0.5)),
     )
     full = SimpleNamespace(
         times=np.array([0.0, 1.0, 2.0, 10.0]),
@@ -145,7 +145,6 @@ def three_verdicts():
         ground_links=("left_link", "other_link", "right_link"),
         heights=np.array([[0.0, 9, 0.1], [0.1, 9, np.inf], [0.0, 9, 0.5], [-1, 9, 0]]),
         balance=SimpleNamespace(
-            zmp_margin=np.array([0.1, -2.0, 0.05, 0.5]),
             center_margin=np.array([0.1, 0.0, np.nan, 0.05]),
         ),
         depth=np.array([0.0, 0.002, 0.02, 0.0]),

@@ -118,11 +118,11 @@ def test_a_saturated_motor_says_what_it_needs_and_has(engine):
     (saturation,) = verdict.of("saturation")
     found = re.fullmatch(
         f"the motor of {ARM} is saturated .+ % of the simulated time: it "
-        r"needs (.+) N m and has 0\.5 N m",
+        r"needs (.+) N m and has 0\.62 N m",
         saturation.text,
     )
     assert float(found[1]) == pytest.approx(needed, rel=0.03)
-    lack = f"The largest lack of effort: {ARM} needs {found[1]} N m and has 0.5 N m."
+    lack = f"The largest lack of effort: {ARM} needs {found[1]} N m and has 0.62 N m."
     assert verdict.notes[-1].endswith(lack)
     assert verdict.of("fall") == ()
 

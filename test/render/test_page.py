@@ -103,7 +103,7 @@ def test_the_page_says_what_was_found_and_names_are_text(tmp_path):
         (finding(text="<i> is far"), replace(fall, cause=1)),
         ("position", "fall"),
         {"jerk": "a & b"},
-        {"duration": 3.0, "contact_share": 0.5, "least_zmp_margin": 0.12346},
+        {"duration": 3.0, "contact_share": 0.5, "least_center_margin": 0.12346},
         notes=("1 > 0",),
         excluded_by=("energy > 9",),
     )
@@ -123,7 +123,7 @@ def test_the_page_says_what_was_found_and_names_are_text(tmp_path):
         "position failed from 1.250 s, 50.0 % of the time, threshold 0.1 rad<i> is far",
         "fall warning from 1.250 s, threshold 0.1far",
         "<r>: length 3 s, time in contact with the floor 50 %, "
-        "least margin of the zero-moment point 0.1235 m",
+        "least margin of the centre of mass 0.1235 m",
         "excluded by energy > 9",
         "1 > 0",
         "skipped: jerk (a & b)",

@@ -37,6 +37,7 @@ from .browser import browser, burners, is_open
 from .clutter import clutter
 from .commands import commands
 from .folder import folder
+from .forces import forces
 from .graph import (
     FAILURES,
     OWN_MODEL,
@@ -853,6 +854,7 @@ PARTS = {
         clutter,
         trajectories,
         checks,
+        forces,
         folder,
         page,
         browser,

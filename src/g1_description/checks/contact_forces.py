@@ -28,8 +28,8 @@ FRICTION, MOST_FRICTION = 0.6, 10.0
 have an infinite one."""
 
 FLAT = 0.01
-"""Points of contact are at most this far above the lowest one of the robot, and of their
-link, in [m]. Of links in the floor, half of it counts for the others."""
+"""Points of contact are at most this far above the lowest one of the robot, and of
+their link, in [m]. Of links in the floor, half of it counts for the others."""
 
 MOST_POINTS = 8
 """Of more points of a link, the corners of their convex hull are used."""
@@ -252,7 +252,7 @@ class _Floor:
         self._limits = limits[self._joints]
         names = [robot.links[row] for row in links]
         self.friction = frictions(robot.description, names)
-        weight = robot.masses.total * GRAVITY
+        weight = float(robot.masses.total) * GRAVITY
         lever = radius_of_gyration(robot.kinematics, robot.masses)
         self._scale = np.array([weight] * 3 + [weight * lever] * 3)
         self._weight = weight

@@ -47,7 +47,7 @@ def _contact_forces(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
     """Find where no contact can give what a motion needs, by cause."""
     found = measured.once(forces)
     share = np.where(np.isnan(found.missing_share), 0.0, found.missing_share)
-    weight = measured.robot.masses.total * GRAVITY
+    weight = float(measured.robot.masses.total) * GRAVITY
     bound = rule.lowest(measured.robot.thresholds) * weight
     with np.errstate(invalid="ignore"):
         along = np.hypot(found.needed[:, 0], found.needed[:, 1])
@@ -67,8 +67,9 @@ def _contact_forces(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
 def _size(found: ContactForces, at: int) -> str:
     """Write what is missing."""
     force, moment = np.linalg.norm(found.missing[at].reshape(2, 3), axis=1)
-    parts = [f"{force:.3g} N"] * (force > 0.5) + [f"{moment:.3g} N m"] * (moment > 0.5)
-    return f"{' and '.join(parts) or '0 N'} missing, {{worst:.2f}} of the weight"
+    return (
+        f"{force:.3g} N and {moment:.3g} N m are missing, {{worst:.2f}} of the weight"
+    )
 
 
 def _in_air(measured: Measured, found: ContactForces, at: int) -> str:
@@ -98,7 +99,7 @@ def _slip(measured: Measured, found: ContactForces, at: int) -> str:
 def _moment(measured: Measured, found: ContactForces, at: int) -> str:
     """Describe where the floor would have to push."""
     assert measured.wrench is not None
-    support, weight = measured.support[at], measured.robot.masses.total * GRAVITY
+    support, weight = measured.support[at], float(measured.robot.masses.total) * GRAVITY
     floor = float(np.broadcast_to(measured.floor, len(measured.times))[at])
     x, y = zero_moment_point(measured.wrench[at], weight, floor)
     outside = -support_margin(support_polygon(support), x, y) if len(support) else 0.0

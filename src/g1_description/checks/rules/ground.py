@@ -118,14 +118,16 @@ def _floating(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
 
 
 def _float_heights(measured: Measured) -> np.ndarray:
-    """Compute the height of a robot in the air that does not move.
+    """Compute the height of a robot in the air where its forces are unknown.
 
     Returns:
         Height of the lowest point in [m], NaN where the robot stands, shape (n,).
     """
     heights = _ground(measured).heights.min(axis=1)
     floats = heights > measured.robot.thresholds.support_height
-    floats &= len(heights) == 1 or bool(too_slow(measured.robot, measured.motion))
+    robot, motion = measured.robot, measured.motion
+    why = robot.lacks("forces", motion) or too_slow(robot, motion)
+    floats &= len(heights) == 1 or bool(why)
     return np.where(floats, heights, np.nan)
 
 
@@ -155,8 +157,8 @@ PENETRATION = Rule(
 )
 FLOATING = Rule(
     name="floating",
-    about="links that support the robot without touching the floor; a configuration or "
-    "waypoint in the air",
+    about="links that support the robot without touching the floor; a robot in "
+    "the air whose forces are unknown",
     level=Level(0.015, 0.03),
     limit="m above the floor",
     unit="m",
