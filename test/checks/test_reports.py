@@ -67,7 +67,8 @@ HEADS = "file,result,failed,warnings,first_time,problem,excluded_by,picture,"
 HEADS += "duration,samples,"
 HEADS += "samples_beyond_limits,root_path,root_speed.max,joint_speed.max,"
 HEADS += "contact_share,largest_drift,energy,deepest_self_collision,"
-HEADS += "lowest_height,least_center_margin,largest_missing_wrench,infeasible_share,needed_friction,fall_time,"
+HEADS += "lowest_height,least_center_margin,largest_missing_wrench,"
+HEADS += "infeasible_share,needed_friction,fall_time,"
 HEADS += "rms_tracking_error,largest_tracking_error,"
 
 
