@@ -932,7 +932,7 @@ class Robot:
         """Find the forces of the floor that a motion needs, and what is missing.
 
         Args:
-            motion: The motion with its base, or its file; a configuration is at rest.
+            motion: The motion with its base, or its file; with one sample, at rest.
             thresholds: As for ``check``.
             scene: As for ``check``.
 

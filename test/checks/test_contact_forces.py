@@ -66,6 +66,7 @@ def test_forces_carry_the_weight_and_act_on_joints_as_their_jacobians_say():
         (standing(along("z", -9.8) / 2.0 + [0.0, 0.0, 1.5]), "needs 172 N upwards"),
         (standing(along("x", 3.0)), "m behind the support polygon"),
         (standing(along("x", -3.0)), "m in front of the support polygon"),
+        (standing(along("z", -9.8) + along("x", 3.0)), "N along the floor are needed"),
         (standing(along("y", 5.0)), "m to the right of the support polygon"),
     ],
 )
@@ -76,12 +77,20 @@ def test_what_no_contact_can_give_is_found_with_its_cause(motion, text):
 
 
 def test_a_slide_that_brakes_needs_more_friction_than_there_is():
-    found = ROBOT.contact_forces(standing(along("x", 8.0)))
+    found = ROBOT.contact_forces(standing(along("x", 8.0)).resampled(10.0))
     assert np.nanmax(found.friction) == pytest.approx(8.0 / 9.8)
     assert np.nanmin(found.available_friction) == FRICTION
     assert "friction of 0.82 is needed and 0.6 is available" in "".join(
         failures(standing(along("x", 8.0)))
     )
+
+
+def test_weak_motors_are_a_matter_of_efforts():
+    joints = [replace(j, effort=0.01 * j.effort) for j in ROBOT.description.joints]
+    weak = Robot(replace(ROBOT.description, joints=tuple(joints)))
+    verdict = weak.check(standing(), only=["contact_forces", "effort"])
+    assert verdict.figures["largest_missing_wrench"] < 2e-3
+    assert {finding.check for finding in verdict.findings} == {"effort"}
 
 
 def test_the_verdict_on_poses_is_that_of_the_support_polygon():
@@ -119,6 +128,7 @@ def test_the_verdict_on_poses_is_that_of_the_support_polygon():
     [
         (replace(standing(), base_poses=None), "the motion has no base"),
         (standing().resampled(5.0), "its samples are 0.2 s apart"),
+        (standing().cut(0.0, 0.1), "it lasts 0.1 s; accelerations need 0.2 s"),
     ],
 )
 def test_the_reason_is_said_where_forces_are_unknown(motion, reason):

@@ -10,13 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Callable
 
 import numpy as np
 from scipy.optimize import nnls
 
 from g1_description.checks.ground_samples import GroundSamples
 from g1_description.checks.measured import CheckedRobot, Measured
-from g1_description.checks.support import support_polygon
+from g1_description.checks.support import LEAST_FORCE, support_polygon
 from g1_description.robot.description import Description
 from g1_description.robot.dynamics import GRAVITY, Masses
 from g1_description.robot.kinematics import Kinematics
@@ -27,17 +28,17 @@ FRICTION, MOST_FRICTION = 0.6, 10.0
 """Coefficient of friction of links whose file has none, and the largest one: files may
 have an infinite one."""
 
-FLAT = 0.01
-"""Points of contact are at most this far above the lowest one of the robot, and of
-their link, in [m]. Of links in the floor, half of it counts for the others."""
+FLAT, UNEVEN = 0.01, 0.015
+"""Points of contact are at most this far above the lowest one of their link, and of the
+robot, in [m]; the latter counts as at most half of ``FLAT`` in the floor."""
 
 MOST_POINTS = 8
 """Of more points of a link, the corners of their convex hull are used."""
 
-PRIORITY = 100.0
+PRIORITY = 1e4
 """Weight of the missing wrench in comparison with efforts."""
 
-DETERMINED = 0.05
+DETERMINED = 0.1
 """Efforts are known where less than this part of the weight is missing."""
 
 ROUNDS = 6
@@ -71,9 +72,12 @@ class ContactForces:
     missing: np.ndarray
     """The part of ``needed`` that no contact can give, shape (n, 6)."""
 
+    weight: np.ndarray
+    """Weight of the robot and of what it carries, in [N], shape (n,)."""
+
     missing_share: np.ndarray
-    """Size of ``missing`` in weights of the robot, shape (n,). Moments count as forces
-    at the robot's radius of gyration."""
+    """Size of ``missing`` in weights, shape (n,). Moments count as forces at the
+    robot's radius of gyration."""
 
     center_of_mass: np.ndarray
     """In [m], shape (n, 3)."""
@@ -90,15 +94,20 @@ class ContactForces:
 
     efforts: np.ndarray
     """Their efforts with these forces in [N m] or [N], shape (n, n_joints); NaN also
-    where more than 5 % of the weight is missing."""
+    where more than 10 % of the weight is missing."""
+
+    contacts: Callable[[int], np.ndarray]
+    """Returns the points at which the floor can push at a sample, in [m], shape
+    (k, 3)."""
 
     @property
     def friction(self) -> np.ndarray:
         """Coefficient of friction that is needed at least, shape (n,).
 
-        NaN where the motion needs no force upwards.
+        NaN where the motion needs next to no force upwards.
         """
-        up = np.where(self.needed[:, 2] > 0.0, self.needed[:, 2], np.nan)
+        least, up = LEAST_FORCE * self.weight, self.needed[:, 2]
+        up = np.where(up > least, up, np.nan)
         return np.asarray(np.hypot(self.needed[:, 0], self.needed[:, 1]) / up)
 
 
@@ -114,6 +123,7 @@ def contact_forces(measured: Measured, is_known: np.ndarray) -> ContactForces:
     assert balance is not None
     assert measured.wrench is not None
     assert measured.efforts is not None
+    assert measured.weight is not None
     center, needed = balance.center, measured.wrench.copy()
     needed[:, 3:] -= cross(center, needed[:, :3])
     pushes = ground.in_contact | robot.ground.lonely(ground, measured.times)
@@ -141,7 +151,7 @@ def contact_forces(measured: Measured, is_known: np.ndarray) -> ContactForces:
             found[at] = np.concatenate([each, cross(lever, each)], axis=-1).sum(axis=1)
             efforts[at] -= floor.efforts(screws[rows], place, column, each)
     missing = needed - found
-    share = floor.share(missing)
+    share = floor.size(missing) / measured.weight
     unknown = ~is_known
     for array in (forces, needed, missing, share):
         array[unknown] = np.nan
@@ -155,12 +165,14 @@ def contact_forces(measured: Measured, is_known: np.ndarray) -> ContactForces:
         moments / up,
         needed,
         missing,
+        measured.weight,
         share,
         center,
         (sources >= 0).any(axis=1),
         np.where(sources >= 0, floor.friction, np.inf).min(axis=1),
         names,
         efforts,
+        lambda at: points.at(sources[at]),
     )
 
 
@@ -198,8 +210,8 @@ class _Points:
         of_link, of_all = np.full(count * self._n_links, np.inf), np.full(count, np.inf)
         np.minimum.at(of_link, key, heights)
         np.minimum.at(of_all, sample, heights)
-        reference = np.minimum(of_link[key], np.maximum(of_all[sample], -FLAT / 2.0))
-        low = heights <= reference + FLAT
+        reference = np.maximum(of_all[sample], -FLAT / 2.0)
+        low = (heights <= of_link[key] + FLAT) & (heights <= reference + UNEVEN)
         key = key[low]
         order = np.argsort(key, kind="stable")
         key, places = key[order], points[low][order]
@@ -218,6 +230,11 @@ class _Points:
         """In the map, in [m], shape (m, 3)."""
         self.columns = key % self._n_links
         """Columns of their links, shape (m,)."""
+
+    def at(self, sources: np.ndarray) -> np.ndarray:
+        """Return the points of one sample, shape (k, 3); sources as for ``grouped``."""
+        found = [index for _, index in self.grouped(sources[np.newaxis])]
+        return self.places[found[0][0]] if found else np.zeros((0, 3))
 
     def grouped(self, sources: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         """Group samples by their numbers of points.
@@ -253,13 +270,13 @@ class _Floor:
         names = [robot.links[row] for row in links]
         self.friction = frictions(robot.description, names)
         weight = float(robot.masses.total) * GRAVITY
-        lever = radius_of_gyration(robot.kinematics, robot.masses)
+        lever = max(radius_of_gyration(robot.kinematics, robot.masses), 0.01)
         self._scale = np.array([weight] * 3 + [weight * lever] * 3)
         self._weight = weight
 
-    def share(self, wrench: np.ndarray) -> np.ndarray:
-        """Compute the size of wrenches in weights of the robot, shape (n,)."""
-        return np.asarray(np.linalg.norm(wrench / self._scale, axis=-1))
+    def size(self, wrench: np.ndarray) -> np.ndarray:
+        """Compute the size of wrenches in [N], shape (n,)."""
+        return np.asarray(self._weight * np.linalg.norm(wrench / self._scale, axis=-1))
 
     def efforts(
         self,
@@ -358,6 +375,8 @@ def _least_efforts(left: np.ndarray, right: np.ndarray) -> np.ndarray:
         weights[6:] *= efforts
         weights[6:] /= max(weights[6:].max(), 1e-12)
         sizes = _nonnegative(left * weights[:, np.newaxis], right * weights)
+        if np.isnan(sizes).any():
+            break
         efforts = np.abs(left[6:] @ sizes - right[6:])
         if efforts.max() < least:
             best, least = sizes, efforts.max()
@@ -365,11 +384,11 @@ def _least_efforts(left: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 
 def _nonnegative(left: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Solve a nonnegative least squares problem; zeros if its rounds are used up."""
+    """Solve a nonnegative least squares problem; NaN if its rounds are used up."""
     try:
         return np.asarray(nnls(left, right)[0])
     except RuntimeError:
-        return np.zeros(left.shape[1])
+        return np.full(left.shape[1], np.nan)
 
 
 def frictions(description: Description, links: list[str]) -> np.ndarray:

@@ -160,6 +160,8 @@ class Measured:
         self.wrench: np.ndarray | None = None
         """What the motion needs at the root: force, and moment about the map's origin,
         in [N] and [N m], shape (n, 6)."""
+        self.weight: np.ndarray | None = None
+        """Weight of the robot and of what it carries, in [N], shape (n,)."""
         self.power: np.ndarray | None = None
         """Change of the robot's kinetic and potential energy in [W], shape (n,); with a
         fixed base, the power of all joints."""

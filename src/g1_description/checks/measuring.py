@@ -70,7 +70,7 @@ def measure(
         join = np.concatenate if is_array else Contacts.joined
         found.own[name] = join(values)
     found.efforts, found.wrench = joined("efforts"), joined("wrench")
-    found.power = joined("power")
+    found.power, found.weight = joined("power"), joined("weight")
     if "ground" in pieces[0]:
         grounds = [piece["ground"] for piece in pieces]
         found.ground = robot.ground.samples(grounds, found.times)
@@ -118,6 +118,7 @@ def _piece(
     moving = motion.dynamics(times)
     dynamics = inverse_dynamics(robot.kinematics, masses, moving)
     found["power"] = _power(dynamics, moving)
+    found["weight"] = np.broadcast_to(masses.total * GRAVITY, len(times))
     if {"efforts", "forces"} & set(needs):
         found["efforts"], found["wrench"] = dynamics.efforts, dynamics.root_wrench
     if "ground" in found:

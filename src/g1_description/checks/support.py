@@ -92,6 +92,16 @@ def support_margin(polygon: Corners, x: float, y: float) -> float:
     return nearest if is_inside else -nearest
 
 
+def nearest_point(polygon: Corners, x: float, y: float) -> np.ndarray:
+    """Find the point of a polygon's border that is nearest to another one, in [m]."""
+    ends = np.array(polygon)
+    along, to = np.roll(ends, -1, axis=0) - ends, np.array([x, y]) - ends
+    square = np.maximum((along**2).sum(axis=1), 1e-12)
+    part = np.clip((to * along).sum(axis=1) / square, 0.0, 1.0)
+    places = ends + part[:, np.newaxis] * along
+    return np.asarray(places[np.hypot(*(places - [x, y]).T).argmin()])
+
+
 def margins(support: Sequence[np.ndarray], points: np.ndarray) -> np.ndarray:
     """Compute the distances of points inside the support polygon.
 
