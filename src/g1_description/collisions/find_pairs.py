@@ -25,7 +25,7 @@ from g1_description.collisions.self_collisions import SelfCollisions
 from g1_description.errors import AllowedPairsError, InvalidValueError
 from g1_description.files.model_files import PACKAGE, find_folder, ros_home
 from g1_description.files.uris import local_path
-from g1_description.robot.assembly import rigid_frames
+from g1_description.robot.assembly import bodies_of
 from g1_description.robot.description import Description
 from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.transform import IDENTITY
@@ -187,11 +187,10 @@ def adjacent_pairs(description: Description) -> tuple[AllowedPair, ...]:
     Links connected by fixed joints count as one body: all links of adjacent bodies are
     adjacent. A body without shapes is skipped: its children are adjacent to its parent.
     """
+    body_of = bodies_of(description)
     groups: dict[str, list[str]] = {}
-    for tree in description.trees:
-        for link, (body, _) in rigid_frames(tree).items():
-            groups.setdefault(body, []).append(link)
-    body_of = {link: body for body, links in groups.items() for link in links}
+    for link, body in body_of.items():
+        groups.setdefault(body, []).append(link)
     shaped = {
         link.name for link in description.links if link.collisions or link.visuals
     }

@@ -8,7 +8,7 @@ from itertools import combinations
 from g1_description.collisions.allowed_pairs import AllowedPair, AllowedPairs
 from g1_description.collisions.contacts import ShapeContacts
 from g1_description.collisions.convex_shapes import posed_links, robot_shapes
-from g1_description.robot.assembly import rigid_frames
+from g1_description.robot.assembly import bodies_of
 from g1_description.robot.description import Description
 
 
@@ -48,11 +48,7 @@ class SelfCollisions(ShapeContacts):
         self.allowed = tuple(allowed)
         """Pairs that are not checked, with the reasons."""
         free = {pair.links for pair in self.allowed}
-        body = {
-            link: body
-            for tree in description.trees
-            for link, (body, _) in rigid_frames(tree).items()
-        }
+        body = bodies_of(description)
         self.pairs = tuple(
             (a, b)
             for a, b in combinations(self.links, 2)
