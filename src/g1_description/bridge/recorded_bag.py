@@ -32,6 +32,8 @@ ROWS = 500
 LZ4 = {"block_linked": False, "content_checksum": True, "store_size": False}
 """What ROS can read."""
 
+MAGIC = b"#ROSBAG V2.0\n"
+
 MESSAGE, BAG, INDEX, CHUNK, INFO, CONNECTION = 2, 3, 4, 5, 6, 7
 """Kinds of records."""
 
@@ -58,7 +60,7 @@ class _Bag:
         self._stream = stream
         self._connections: list[bytes] = []
         self._infos: list[bytes] = []
-        stream.write(b"#ROSBAG V2.0\n")
+        stream.write(MAGIC)
         self._begin(0)
 
     def _begin(self, index: int) -> None:
@@ -118,11 +120,11 @@ class _Bag:
         """Write what comes after the chunks."""
         index = self._stream.tell()
         self._stream.write(b"".join([*self._connections, *self._infos]))
-        self._stream.seek(len(b"#ROSBAG V2.0\n"))
+        self._stream.seek(len(MAGIC))
         self._begin(index)
 
 
-class _Topic:
+class _TopicRecords:
     """A topic whose messages differ only in stamps and numbers."""
 
     def __init__(self, bag: _Bag, topic: str, make: Make, **more: str) -> None:
@@ -203,9 +205,9 @@ def write_bag(
         others = [("/tf_static", begin, still), *others]
         _add_each(bag, others)
         numbers = np.hstack([array for array in arrays if array is not None])
-        topics = [(_Topic(bag, "/joint_states", joint_state), numbers)]
+        topics = [(_TopicRecords(bag, "/joint_states", joint_state), numbers)]
         if t.base_poses is not None and base is not None:
-            topics.append((_Topic(bag, "/tf", edge), t.base_poses))
+            topics.append((_TopicRecords(bag, "/tf", edge), t.base_poses))
         for at in range(0, len(stamps), ROWS):
             some = slice(at, at + ROWS)
             parts = [topic.rows(stamps[some], given[some]) for topic, given in topics]
@@ -222,11 +224,13 @@ def write_bag(
 
 def _add_each(bag: _Bag, messages: Sequence[tuple[str, int, Any]]) -> None:
     """Write messages of any kinds; those of /tf_static are latched."""
-    topics: dict[str, _Topic] = {}
+    topics: dict[str, _TopicRecords] = {}
     for topic, stamp, message in messages:
         if topic not in topics:
             latched = {"latching": "1"} if topic == "/tf_static" else {}
-            topics[topic] = _Topic(bag, topic, lambda *_, one=message: one, **latched)
+            topics[topic] = _TopicRecords(
+                bag, topic, lambda *_, one=message: one, **latched
+            )
         own = topics[topic]
         entries = {own.number: (np.array([stamp]), np.array([0]))}
         bag.add(own.record(message, stamp), entries)
