@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Callable
+from typing import TYPE_CHECKING, Any, Callable
 
 from g1_description.checks.verdict import Verdict
 from g1_description.errors import G1DescriptionError, InvalidValueError
@@ -94,13 +94,7 @@ class HistoryPanel(Panel):
             hint="saved as CSV unless it ends in .npz, .bag or .mcap",
         )
         save = gui.add_button("Save this range", hint=f"into {folder()}")
-        kept = [path.name for path in sorted(folder().parent.glob("last*.bag"))]
-        self._ended = gui.add_dropdown(
-            "Ended bridge",
-            ["", *kept],
-            hint="opens the history that it left, on the tab Motion",
-            visible=bool(kept),
-        )
+        self._ended = self._add_ended()
         start = gui.add_button(
             "Start here",
             color="orange",
@@ -121,6 +115,16 @@ class HistoryPanel(Panel):
         ui.on(check, self._check)
         ui.on(save, self._save)
         ui.on(self._ended, self._open_ended)
+
+    def _add_ended(self) -> Any:
+        """Add the choice of histories that bridges left at their ends."""
+        kept = [path.name for path in sorted(folder().parent.glob("last*.bag"))]
+        return self.gui.add_dropdown(
+            "Ended bridge",
+            ["", *kept],
+            hint="opens the history that it left, on the tab Motion",
+            visible=bool(kept),
+        )
 
     def hotkeys(self) -> list[Key]:
         """List its keys; the arrows step through the open motion in the present."""
