@@ -14,7 +14,7 @@ from g1_description.checks.checker import Checker
 from g1_description.robot.description import Description
 from g1_description.ros.log import ThrottledLog
 from g1_description.ros.present_objects import PresentObjects
-from g1_description.scenes.carried import of_robot
+from g1_description.scenes.carried import scene_around
 from g1_description.scenes.scene import Scene
 
 
@@ -39,7 +39,7 @@ class CheckedObjects:
             log: For messages that cannot be used.
         """
         self._present = PresentObjects(gazebo, partial(log.warn, "scene"))
-        self._own = partial(of_robot, robot=robot, model=model)
+        self._own = partial(scene_around, robot=robot, model=model)
         self._scene, self._lock = file, threading.Lock()
         self._sent: Scene | None = None
 
@@ -54,7 +54,7 @@ class CheckedObjects:
             sent, poses = self._present.newest()
             if sent is not self._sent and sent is not None:
                 self._sent = sent
-                self._scene = Scene([*self._own(sent.values())]) or None
+                self._scene = self._own(sent.values()) or None
             if self._scene is None or sent is None:
                 return self._scene, None
             found = [poses[name] for name in self._scene]

@@ -117,9 +117,7 @@ class Surroundings:
 
     def loaded(self, masses: Masses, times: np.ndarray) -> Masses:
         """Add what links carry at times in [s], shape (n,), to masses of the robot."""
-        objects = [each.link.inertial for each in self.objects]
-        found = self.held(times)
-        return masses.carrying(objects, found.carriers, found.poses)
+        return self.held(times).loaded(masses, self.objects)
 
     def without_supports(
         self,

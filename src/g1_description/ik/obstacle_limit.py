@@ -103,9 +103,7 @@ class ObstacleScene:
         """
         if not any(each.mass and each.attachments for each in self.scene.values()):
             return masses
-        objects = [each.link.inertial for each in self.scene.values()]
-        found = self.held(times[rows], course)
-        return masses.carrying(objects, found.carriers, found.poses)
+        return self.held(times[rows], course).loaded(masses, self.scene.values())
 
     def frame_of(
         self, name: str, times: np.ndarray, course: Course
@@ -197,10 +195,9 @@ class ObstacleLimit(BatchLimit):
         """Return the limit of some configurations."""
         found = copy(self)
         times = self._times[rows]
-        held = found._held = self._surroundings.held(times, course)
-        begins = np.maximum(held.begins, course.times[0])
-        is_taken = (held.carriers >= 0) & (times[:, np.newaxis] < begins + TAKING)
-        found._is_taken = is_taken
+        now = found._held = self._surroundings.held(times, course)
+        begins = np.maximum(now.begins, course.times[0])
+        found._is_taken = (now.carriers >= 0) & (times[:, np.newaxis] < begins + TAKING)
         return found
 
     def approaches(self, jacobians: Jacobians) -> SampledApproach:

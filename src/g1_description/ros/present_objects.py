@@ -20,7 +20,7 @@ from g1_description.errors import G1DescriptionError
 from g1_description.robot.description import Description
 from g1_description.ros.conversions import pose_to_array
 from g1_description.ros.waiting import wait_until
-from g1_description.scenes.carried import of_robot
+from g1_description.scenes.carried import scene_around
 from g1_description.scenes.objects import SceneObject
 from g1_description.scenes.scene import Scene
 from g1_description.scenes.scene_file import objects_of_yaml
@@ -63,7 +63,7 @@ class PresentObjects:
         Returns:
             The scene, another one for other objects or attachments, None before the
             first; and T_map_object, shape (7,), by name. What links of any robot carry
-            now is attached to them at all times; see ``carried.of_robot``.
+            now is attached to them at all times; see ``scene_around``.
         """
         with self._lock:
             return self._scene, self._poses
@@ -82,7 +82,7 @@ class PresentObjects:
         if scene is None:
             return None
         now = [replace(each, pose=poses[n]) for n, each in scene.items()]
-        return Scene([*of_robot(now, robot, model)])
+        return scene_around(now, robot, model)
 
     def wait(self) -> None:
         """Wait for the first objects of a simulator that publishes some."""
@@ -158,7 +158,7 @@ class RecordedObjects:
         if scene is self._seen or scene is None:
             return
         self._seen = scene
-        own = Scene([*of_robot(scene.values(), *self._of)])
+        own = scene_around(scene.values(), *self._of)
         for name, some in self._links.items():
             link = _carrier(own, name)
             if link != some[-1][1] and now >= some[-1][0]:  # a reset ends recordings

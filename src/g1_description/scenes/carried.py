@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from typing import Callable, NamedTuple
 
@@ -12,10 +12,12 @@ from g1_description.errors import UnknownNameError
 from g1_description.motion.motion import Motion, configuration, sample
 from g1_description.robot.assembly import SCOPE, Assembly, root_in_base
 from g1_description.robot.description import Description
+from g1_description.robot.dynamics import Masses
 from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.state import RobotState
 from g1_description.robot.transform import IDENTITY, compose, inverse
 from g1_description.scenes.objects import SceneObject
+from g1_description.scenes.scene import Scene
 from g1_description.text import listed, similar_first
 
 LinkPoses = Callable[[str, np.ndarray], np.ndarray]
@@ -61,6 +63,11 @@ class Held(NamedTuple):
         links = link_poses[samples, self.carriers[samples, objects]]
         found[samples, objects] = compose(links, found[samples, objects])
         return found
+
+    def loaded(self, masses: Masses, objects: Iterable[SceneObject]) -> Masses:
+        """Add the objects that links carry to the masses of these."""
+        inertials = [each.link.inertial for each in objects]
+        return masses.carrying(inertials, self.carriers, self.poses)
 
 
 def held(
@@ -198,16 +205,17 @@ def carrying_links(robot: Description) -> tuple[str, ...]:
     return roles or robot.link_names
 
 
-def of_robot(
+def scene_around(
     objects: Iterable[SceneObject], robot: Description, model: str = ""
-) -> Iterator[SceneObject]:
-    """Yield objects of a simulator, without the attachments of other robots.
+) -> Scene:
+    """Return objects of a simulator, without the attachments of other robots.
 
     Args:
         objects: The objects; links are ``model::link`` where there are several robots.
         robot: The robot.
         model: Its name in the simulator; empty: it is not known.
     """
+    found = Scene()
     for each in objects:
         parts = [(one, *one.link.rpartition(SCOPE)) for one in each.attachments]
         own = tuple(
@@ -215,7 +223,8 @@ def of_robot(
             for one, owner, _, link in parts
             if _link(robot, link) and owner in ("", model or owner)
         )
-        yield replace(each, attachments=own)
+        found.add(replace(each, attachments=own))
+    return found
 
 
 def carried_to(

@@ -117,15 +117,6 @@ def read_objects(file: Path) -> tuple[list[SceneObject], tuple[str, ...]]:
         raise SceneError(f"The scene {file} cannot be used: {error}") from error
 
 
-def objects_of_sdf(text: str) -> list[SceneObject]:
-    """List the objects of an SDF document.
-
-    Raises:
-        DescriptionError: If it is not SDF.
-    """
-    return [each for model in _models_of_sdf(text, {}) for each in model_objects(model)]
-
-
 def _models_of_sdf(text: str, notes: dict[str, None]) -> list[Model]:
     """Read the models of an SDF document; add messages on ignored parts."""
     content = read_sdf(text, find_model)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from g1_description.robot.transform import compose, translation
-from g1_description.scenes.carried import of_robot
-from g1_description.scenes.objects import Attachment, SceneObject
+from g1_description.scenes.carried import scene_around
+from g1_description.scenes.objects import Attachment
 from g1_description.scenes.scene import Scene
 from g1_description.web.check_thread import CheckThread, MakeChecker
 from g1_description.web.findings_panel import plain
@@ -69,7 +69,10 @@ class PageContext:
         None: nothing is known of any.
         """
         around = self._around(robot)
-        return None if around is None else _own(around.scene().values(), robot)
+        if around is None:
+            return None
+        objects = around.scene().values()
+        return scene_around(objects, robot.description, robot.name)
 
     def scene_now(self, robot: ShownRobot) -> Scene | None:
         """Return the objects where the page shows them now, and what carries them."""
@@ -82,7 +85,7 @@ class PageContext:
             link, pose = around.carrier(name), compose(shift, poses[name])
             held = (Attachment(link),) if link else ()
             now.append(replace(seen.object, pose=pose, attachments=held))
-        return _own(now, robot)
+        return scene_around(now, robot.description, robot.name)
 
     def _around(self, robot: ShownRobot) -> ShownScene | None:
         """Return the scene around a robot."""
@@ -94,11 +97,6 @@ class PageContext:
         """Let all panels look again at files that were saved."""
         for panel in self.panels:
             panel.refresh()
-
-
-def _own(objects: Iterable[SceneObject], robot: ShownRobot) -> Scene:
-    """Return a scene without the attachments of other robots."""
-    return Scene([*of_robot(objects, robot.description, robot.name)])
 
 
 class Panel:
