@@ -20,7 +20,7 @@ from g1_description.checks.rules.forces import (
     CONTACT_FORCES,
     force_figures,
     forces,
-    too_slow,
+    unknown_forces,
 )
 from g1_description.checks.rules.ground import slides
 from g1_description.checks.rules.jumps import near_jumps
@@ -202,7 +202,7 @@ class Checker:
         Raises:
             MotionError: If they cannot be found.
         """
-        why = self._robot.lacks("forces", motion) or too_slow(self._robot, motion)
+        why = unknown_forces(self._robot, motion)
         if why:
             raise MotionError(f"Contact forces are unknown: {why}.")
         return measure(self._robot, motion, ("forces",), {}).once(forces)

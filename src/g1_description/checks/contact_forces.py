@@ -30,7 +30,7 @@ have an infinite one."""
 
 FLAT, UNEVEN = 0.01, 0.015
 """Points of contact are at most this far above the lowest one of their link, and of the
-robot, in [m]; the latter counts as at most half of ``FLAT`` in the floor."""
+robot, in [m]."""
 
 MOST_POINTS = 8
 """Of more points of a link, the corners of their convex hull are used."""
@@ -141,7 +141,7 @@ def contact_forces(measured: Measured, is_known: np.ndarray) -> ContactForces:
         for rows, index in points.grouped(sources[piece]):
             at = rows + piece.start
             place, column = points.places[index], points.columns[index]
-            each = floor.forces(
+            each, efforts[at] = floor.forces(
                 screws[rows], place, column, center[at], needed[at], efforts[at]
             )
             sample = np.broadcast_to(at[:, np.newaxis], column.shape)
@@ -149,7 +149,6 @@ def contact_forces(measured: Measured, is_known: np.ndarray) -> ContactForces:
             np.add.at(moments, (sample, column), place * each[..., 2:])
             lever = place - center[at, np.newaxis]
             found[at] = np.concatenate([each, cross(lever, each)], axis=-1).sum(axis=1)
-            efforts[at] -= floor.efforts(screws[rows], place, column, each)
     missing = needed - found
     share = floor.size(missing) / measured.weight
     unknown = ~is_known
@@ -174,6 +173,14 @@ def contact_forces(measured: Measured, is_known: np.ndarray) -> ContactForces:
         efforts,
         lambda at: points.at(sources[at]),
     )
+
+
+def reach(lowest: np.ndarray) -> np.ndarray:
+    """Return up to which height points are in contact, for that of the lowest, in [m].
+
+    A point in the floor counts as at most half of ``FLAT`` deep.
+    """
+    return np.asarray(np.maximum(lowest, -FLAT / 2.0) + UNEVEN)
 
 
 def _sources(in_contact: np.ndarray, times: np.ndarray, window: float) -> np.ndarray:
@@ -210,22 +217,19 @@ class _Points:
         of_link, of_all = np.full(count * self._n_links, np.inf), np.full(count, np.inf)
         np.minimum.at(of_link, key, heights)
         np.minimum.at(of_all, sample, heights)
-        reference = np.maximum(of_all[sample], -FLAT / 2.0)
-        low = (heights <= of_link[key] + FLAT) & (heights <= reference + UNEVEN)
+        low = heights <= np.minimum(of_link[key] + FLAT, reach(of_all[sample]))
         key = key[low]
         order = np.argsort(key, kind="stable")
         key, places = key[order], points[low][order]
         keys = np.arange(count * self._n_links + 1)
-        self._starts = np.searchsorted(key, keys)
-        many = np.flatnonzero(np.diff(self._starts) > MOST_POINTS)
+        starts = np.searchsorted(key, keys)
         is_kept = np.ones(len(key), dtype=bool)
-        for group in many:
-            rows = slice(self._starts[group], self._starts[group + 1])
+        for group in np.flatnonzero(np.diff(starts) > MOST_POINTS):
+            rows = slice(starts[group], starts[group + 1])
             corners = set(support_polygon(places[rows, :2]))
             is_kept[rows] = [(x, y) in corners for x, y in places[rows, :2].tolist()]
-        if len(many):
-            key, places = key[is_kept], places[is_kept]
-            self._starts = np.searchsorted(key, keys)
+        key, places = key[is_kept], places[is_kept]
+        self._starts = np.searchsorted(key, keys)
         self.places = places
         """In the map, in [m], shape (m, 3)."""
         self.columns = key % self._n_links
@@ -268,34 +272,15 @@ class _Floor:
         self._joints = np.flatnonzero(self._above.any(axis=0) & is_limited)
         self._limits = limits[self._joints]
         names = [robot.links[row] for row in links]
-        self.friction = frictions(robot.description, names)
+        self.friction = _frictions(robot.description, names)
         weight = float(robot.masses.total) * GRAVITY
-        lever = max(radius_of_gyration(robot.kinematics, robot.masses), 0.01)
+        lever = max(_radius_of_gyration(robot.kinematics, robot.masses), 0.01)
         self._scale = np.array([weight] * 3 + [weight * lever] * 3)
         self._weight = weight
 
     def size(self, wrench: np.ndarray) -> np.ndarray:
         """Compute the size of wrenches in [N], shape (n,)."""
         return np.asarray(self._weight * np.linalg.norm(wrench / self._scale, axis=-1))
-
-    def efforts(
-        self,
-        screws: np.ndarray,
-        place: np.ndarray,
-        column: np.ndarray,
-        force: np.ndarray,
-    ) -> np.ndarray:
-        """Compute the efforts of joints against forces on links, shape (n, n_joints).
-
-        Args:
-            screws: Screws of the joints, shape (n, n_joints, 6).
-            place: Points in the map in [m], shape (n, k, 3).
-            column: Columns of their links, shape (n, k).
-            force: In [N], shape (n, k, 3).
-        """
-        wrench = np.concatenate([force, cross(place, force)], axis=-1)
-        each = screws @ np.swapaxes(wrench, 1, 2)
-        return np.asarray((each * np.swapaxes(self._above[column], 1, 2)).sum(axis=2))
 
     def forces(
         self,
@@ -305,7 +290,7 @@ class _Floor:
         center: np.ndarray,
         needed: np.ndarray,
         efforts: np.ndarray,
-    ) -> np.ndarray:
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Find the forces at points of contact.
 
         Args:
@@ -317,29 +302,23 @@ class _Floor:
             efforts: Efforts of the joints without contacts, shape (n, n_joints).
 
         Returns:
-            In [N], shape (n, k, 3).
+            Forces in [N], shape (n, k, 3), and efforts with these.
         """
         count, n_points = column.shape
-        edges = self._edges(needed, column)
+        edges = np.reshape(self._edges(needed, column), (count, 4 * n_points, 3))
         at = np.repeat(place, 4, axis=1)
-        wide = count, 4 * n_points, 3
-        generators = np.reshape(edges, wide)
-        about = cross(at - center[:, np.newaxis], generators)
-        balance = (
-            np.concatenate([generators, about], axis=-1) * self._weight / self._scale
-        )
-        wrench = np.concatenate([generators, cross(at, generators)], axis=-1)
-        moved = screws[:, self._joints] @ np.swapaxes(wrench, 1, 2)
-        mask = self._above[:, self._joints][np.repeat(column, 4, axis=1)]
-        moved *= np.swapaxes(mask, 1, 2) * (self._weight / self._limits)[:, np.newaxis]
-        left = np.concatenate([PRIORITY * np.swapaxes(balance, 1, 2), moved], axis=1)
-        right = np.concatenate(
-            [PRIORITY * needed / self._scale, efforts[:, self._joints] / self._limits],
-            axis=1,
-        )
-        sizes = np.array([_least_efforts(a, b) for a, b in zip(left, right)])
-        sizes = np.reshape(sizes, (count, n_points, 4, 1)) * self._weight
-        return np.asarray((sizes * edges).sum(axis=2))
+        moments = np.concatenate([edges, cross(at - center[:, np.newaxis], edges)], 2)
+        balance = np.swapaxes(moments * self._weight / self._scale, 1, 2)
+        wrench = np.concatenate([edges, cross(at, edges)], axis=2) * self._weight
+        mask = self._above[np.repeat(column, 4, axis=1)]
+        moved = screws @ np.swapaxes(wrench, 1, 2) * np.swapaxes(mask, 1, 2)
+        own, limits = self._joints, self._limits
+        left = [PRIORITY * balance, moved[:, own] / limits[:, np.newaxis]]
+        right = [PRIORITY * needed / self._scale, efforts[:, own] / limits]
+        problems = zip(np.concatenate(left, axis=1), np.concatenate(right, axis=1))
+        sizes = np.array([_least_efforts(a, b) for a, b in problems])[..., np.newaxis]
+        each = np.reshape(sizes * edges * self._weight, (count, n_points, 4, 3))
+        return each.sum(axis=2), efforts - (moved @ sizes)[..., 0]
 
     def _edges(self, needed: np.ndarray, column: np.ndarray) -> np.ndarray:
         """Find the edges of pyramids of friction, shape (n, k, 4, 3).
@@ -391,7 +370,7 @@ def _nonnegative(left: np.ndarray, right: np.ndarray) -> np.ndarray:
         return np.full(left.shape[1], np.nan)
 
 
-def frictions(description: Description, links: list[str]) -> np.ndarray:
+def _frictions(description: Description, links: list[str]) -> np.ndarray:
     """List the coefficients of friction of links, shape (n,)."""
     given = {
         link.name: [c.friction for c in link.collisions] for link in description.links
@@ -403,7 +382,7 @@ def frictions(description: Description, links: list[str]) -> np.ndarray:
     return np.minimum(np.array(found, dtype=float), MOST_FRICTION)
 
 
-def radius_of_gyration(kinematics: Kinematics, masses: Masses) -> float:
+def _radius_of_gyration(kinematics: Kinematics, masses: Masses) -> float:
     """Compute the radius of gyration of a robot with its joints at zero, in [m]."""
     poses = kinematics.link_poses(IDENTITY, np.zeros(kinematics.joints_above.shape[1]))
     away = masses.centers(poses) - masses.robot_center(poses)

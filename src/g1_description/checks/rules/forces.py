@@ -7,10 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from g1_description.checks.contact_forces import (
-    FLAT,
-    UNEVEN,
     ContactForces,
     contact_forces,
+    reach,
 )
 from g1_description.checks.intervals import time_share
 from g1_description.checks.measured import CheckedRobot, Measured
@@ -40,7 +39,12 @@ def forces(measured: Measured) -> ContactForces:
     return contact_forces(measured, measured.once(near_jumps).is_known)
 
 
-def too_slow(robot: CheckedRobot, motion: Motion) -> str:
+def unknown_forces(robot: CheckedRobot, motion: Motion) -> str:
+    """Return why contact forces are unknown; empty if they are known."""
+    return robot.lacks("forces", motion) or unknown_accelerations(robot, motion)
+
+
+def unknown_accelerations(robot: CheckedRobot, motion: Motion) -> str:
     """Return why accelerations are unknown; empty if they are known."""
     gaps, window = np.diff(motion.times), robot.thresholds.window
     gap = float(np.median(gaps)) if len(gaps) else 0.0
@@ -145,7 +149,7 @@ def _raised(measured: Measured, at: int) -> str:
     assert measured.in_contact is not None
     heights = np.where(measured.in_contact[at], measured.heights[at], -np.inf)
     column, lowest = int(heights.argmax()), measured.heights[at].min()
-    if heights[column] <= max(lowest, -FLAT / 2.0) + UNEVEN:
+    if heights[column] <= reach(lowest):
         return ""
     return f" without {measured.ground_links[column]}, {heights[column]:.3g} m up"
 
@@ -196,7 +200,7 @@ CONTACT_FORCES = Rule(
     find=_contact_forces,
     needs=("neighbours", "forces"),
     requires="base",
-    skip=too_slow,
+    skip=unknown_accelerations,
     is_live=False,  # at rest, center_of_mass knows
 )
 EFFORT = Rule(
@@ -209,5 +213,7 @@ EFFORT = Rule(
     find=_efforts,
     needs=("efforts",),
     requires="base or `--fixed-base`",
-    skip=lambda robot, motion: "" if robot.is_fixed else too_slow(robot, motion),
+    skip=lambda robot, motion: (
+        "" if robot.is_fixed else unknown_accelerations(robot, motion)
+    ),
 )

@@ -10,7 +10,7 @@ from g1_description.checks.ground_samples import GroundSamples, drifts
 from g1_description.checks.intervals import runs
 from g1_description.checks.measured import Measured
 from g1_description.checks.rule import Rule
-from g1_description.checks.rules.forces import too_slow
+from g1_description.checks.rules.forces import unknown_forces
 from g1_description.checks.rules.jumps import near_jumps
 from g1_description.checks.thresholds import Level
 from g1_description.checks.verdict import BY_TIME, Finding
@@ -125,8 +125,7 @@ def _float_heights(measured: Measured) -> np.ndarray:
     """
     heights = _ground(measured).heights.min(axis=1)
     floats = heights > measured.robot.thresholds.support_height
-    robot, motion = measured.robot, measured.motion
-    why = robot.lacks("forces", motion) or too_slow(robot, motion)
+    why = unknown_forces(measured.robot, measured.motion)
     floats &= len(heights) == 1 or bool(why)
     return np.where(floats, heights, np.nan)
 
