@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any
@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from g1_description.checks.contact_forces import ContactForces
+from g1_description.checks.first_cause import Explanation, explain
 from g1_description.checks.ground_samples import drifts
 from g1_description.checks.intervals import intervals, time_share
 from g1_description.checks.measured import CheckedRobot, Measured
@@ -31,6 +32,7 @@ from g1_description.checks.rules.physics import (
     physics_summary,
     saturated_joints,
 )
+from g1_description.checks.run import failed_run, states_of
 from g1_description.checks.simulated import simulate
 from g1_description.checks.surroundings import LEAST_CLEARANCE
 from g1_description.checks.thresholds import Thresholds
@@ -40,6 +42,8 @@ from g1_description.collisions.find_pairs import collisions_of
 from g1_description.collisions.obstacles import Obstacles
 from g1_description.collisions.self_collisions import SelfCollisions
 from g1_description.errors import G1DescriptionError, MotionError, UnknownNameError
+from g1_description.motion.history import CommandStream
+from g1_description.motion.history_chunks import Stretch
 from g1_description.motion.motion import (
     Motion,
     MotionLike,
@@ -51,7 +55,7 @@ from g1_description.robot.description import Description
 from g1_description.robot.state import RobotState
 from g1_description.scenes.carried import named_link
 from g1_description.scenes.scene import Scene
-from g1_description.sim.rollout import Conditions
+from g1_description.sim.rollout import Conditions, Rollout
 from g1_description.text import listed, similar_first
 
 
@@ -207,6 +211,32 @@ class Checker:
             raise MotionError(f"Contact forces are unknown: {why}.")
         return measure(self._robot, motion, ("forces",), {}).once(forces)
 
+    def explain(
+        self,
+        states: Stretch,
+        commands: Sequence[CommandStream] = (),
+        played: Rollout | None = None,
+    ) -> Explanation | None:
+        """Find out why the robot fell last, or a joint strayed from its command.
+
+        Args:
+            states: Its states, with commanded positions and efforts where known.
+            commands: The commands to it, with their positions.
+            played: The simulation that they are from; None: they are of a robot.
+
+        Returns:
+            The first cause, and what followed; None if nothing failed.
+
+        Raises:
+            G1DescriptionError: If the states cannot be checked.
+        """
+        limits, bounds = None, None
+        if played is not None and self.physics is not None:
+            limits = self.physics.fall_limits
+            bounds = dict(zip(played.joint_names, played.effort_limits.tolist()))
+        run = failed_run(self._robot, states, commands, limits, bounds)
+        return None if run is None else explain(run)
+
     def _rules(
         self, motion: Motion, only: Collection[str], physics: bool
     ) -> dict[Rule, str]:
@@ -258,6 +288,8 @@ class Checker:
         notes = [*self.notes, *notes]
         if measured.played is not None:
             notes += [*measured.played.left_out, physics_summary(measured)]
+            cause = self.explain(states_of(measured.played), (), measured.played)
+            notes += [cause.note] if cause else []
         found = sorted_findings(f for rule in made for f in rule.find(rule, measured))
         contacts = {}
         if measured.in_contact is not None:

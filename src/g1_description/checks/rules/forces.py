@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -132,8 +132,8 @@ def _moment(measured: Measured, found: ContactForces, at: int) -> str:
     outside = -support_margin(polygon, x, y)
     if np.isfinite(x) and outside > 0.0:
         away = np.array([x, y]) - nearest_point(polygon, x, y)
-        side = _side(measured.base_poses()[at, 3:], away)
-        text = f"the zero-moment point is {outside:.3g} m {side} the support polygon"
+        where = side(measured.base_poses()[at, 3:], away, SIDES) or "outside"
+        text = f"the zero-moment point is {outside:.3g} m {where} the support polygon"
         return text + _raised(measured, at)
     if abs(turning[2]) > np.hypot(*turning[:2]):
         return (
@@ -154,13 +154,22 @@ def _raised(measured: Measured, at: int) -> str:
     return f" without {measured.ground_links[column]}, {heights[column]:.3g} m up"
 
 
-def _side(base: np.ndarray, away: np.ndarray) -> str:
-    """Name the side of a robot to which a direction along the floor points."""
+def side(base: np.ndarray, away: np.ndarray, names: Sequence[str]) -> str:
+    """Name the side of a robot to which a direction along the floor points.
+
+    Args:
+        base: Rotation of the base, shape (4,).
+        away: The direction, shape (2,).
+        names: For forwards, left, backwards and right.
+
+    Returns:
+        A name; empty if the robot is not upright.
+    """
     ahead = rotate(base, np.array([1.0, 0.0, 0.0]))[:2]
     if np.hypot(*ahead) < UPRIGHT:
-        return "outside"
+        return ""
     turn = np.arctan2(away[1], away[0]) - np.arctan2(ahead[1], ahead[0])
-    return SIDES[int(np.round(turn / (np.pi / 2.0))) % 4]
+    return names[int(np.round(turn / (np.pi / 2.0))) % 4]
 
 
 def _efforts(rule: Rule, measured: Measured) -> Iterator[Finding | None]:

@@ -1,0 +1,265 @@
+"""What a robot did before it failed: its states, its commands, and what pushed it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+
+from g1_description.checks.external_forces import external_forces
+from g1_description.checks.measured import (
+    CheckedRobot,
+    Measured,
+    rotation_vectors,
+)
+from g1_description.checks.measuring import measure
+from g1_description.checks.rule import units
+from g1_description.motion.history import CommandStream
+from g1_description.motion.history_chunks import Stretch
+from g1_description.motion.motion import Motion
+from g1_description.motion.tracking import FallDetector, FallLimits
+from g1_description.robot.transform import compose, inverse
+from g1_description.sim.rollout import Rollout
+from g1_description.text import listed
+
+BEFORE = 10.0
+"""Longest time before a failure that is looked at, in [s]."""
+
+RATE = 100.0
+"""Highest rate of its samples, in [Hz]."""
+
+ERROR = 0.2
+"""Tracking error of a joint that is a failure, in [rad] or [m]."""
+
+ASTRAY, TURNED = 0.15, 0.3
+"""Distances of the base from its commanded pose that are failures, in [m] and [rad]."""
+
+PLACED, PLACED_SPEED = 0.05, 10.0
+"""A base that moves this far in [m] and this fast in [m/s] between two states was put
+there."""
+
+NEEDS = ("ground", "balance", "forces", "efforts")
+"""What is measured of its motions."""
+
+
+class Run:
+    """The last seconds before a failure. What is not known is None or NaN."""
+
+    def __init__(
+        self,
+        robot: CheckedRobot,
+        states: Stretch,
+        commands: Sequence[CommandStream],
+        effort_limits: Mapping[str, float],
+    ) -> None:
+        """Take the joints of the robot.
+
+        Args:
+            robot: The robot.
+            states: Its states.
+            commands: The commands to it, with their positions.
+            effort_limits: Limits of the motors by joint in [N m] or [N], where they
+                differ from those of the robot's file.
+        """
+        self.robot, self.states, self.commands = robot, states, commands
+        known = {joint.name: joint for joint in robot.joints}
+        names = [name for name in states.names if name in known]
+        self._columns = [states.names.index(name) for name in names]
+        limits = [effort_limits.get(name, known[name].effort) for name in names]
+        self.joints = [replace(known[n], effort=e) for n, e in zip(names, limits)]
+        """The m joints with known positions."""
+        self.desired = np.full((len(states.stamps), len(names)), np.nan)
+        """Their commanded positions in [rad] or [m], of each state, shape (n, m)."""
+        for column, name in enumerate(names):
+            if states.commanded is not None and name in states.commanded_names:
+                own = states.commanded_names.index(name)
+                self.desired[:, column] = states.commanded[:, own]
+        self.times = 1e-9 * states.stamps
+        """Times of the states in [s], shape (n,)."""
+        self.end, self.failure = np.nan, ""
+        """When it failed in [s], and what did."""
+
+    @property
+    def errors(self) -> np.ndarray:
+        """Return positions minus commands in [rad] or [m], shape (n, m)."""
+        return np.asarray(self.states.positions[:, self._columns] - self.desired)
+
+    @property
+    def bases(self) -> np.ndarray | None:
+        """Return poses of the base, shape (n, 7)."""
+        return _whole(None if self.robot.is_fixed else self.states.base_poses)
+
+    @property
+    def desired_bases(self) -> np.ndarray | None:
+        """Return commanded poses of the base, shape (n, 7)."""
+        return _whole(self.states.commanded_bases)
+
+    @cached_property
+    def efforts(self) -> np.ndarray | None:
+        """Efforts of the motors in [N m] or [N], shape (n, m)."""
+        efforts = _whole(self.states.efforts)
+        return None if efforts is None else np.asarray(efforts[:, self._columns])
+
+    @property
+    def unknown(self) -> str:
+        """Return which evidence is missing; empty if none is."""
+        missing = {
+            "efforts of motors": self.efforts is None,
+            "commands": bool(np.isnan(self.desired).all()),
+            "base": not self.stands,
+        }
+        names = listed(name for name, is_missing in missing.items() if is_missing)
+        return f"Not known, and not looked at: {names}." if names else ""
+
+    # --- what checks measure of it, at fewer times ---
+
+    @cached_property
+    def _few(self) -> slice:
+        """Which states are measured."""
+        rate = (len(self.times) - 1) / max(np.ptp(self.times), 1e-9)
+        return slice(None, None, max(int(np.ceil(rate / RATE - 1e-6)), 1))
+
+    def _motion(self, positions: np.ndarray, bases: np.ndarray | None) -> Motion:
+        """Return the measured ones of positions and poses of the base as a motion."""
+        names = tuple(joint.name for joint in self.joints)
+        bases = None if bases is None else bases[self._few]
+        return Motion(self.times[self._few], names, positions[self._few], None, bases)
+
+    @cached_property
+    def measured(self) -> Measured:
+        """What the robot did."""
+        motion = self._motion(self.states.positions[:, self._columns], self.bases)
+        needs = [need for need in NEEDS if not self.robot.lacks(need, motion)]
+        return measure(self.robot, motion, needs, {})
+
+    @property
+    def stands(self) -> bool:
+        """Whether it is known how the robot stands on the floor."""
+        return len(self.times) > 1 and self.measured.balance is not None
+
+    @cached_property
+    def external(self) -> dict[str, np.ndarray] | None:
+        """Forces by link that neither floor nor motors explain, shape (k, 3)."""
+        is_whole = len(self.joints) == len(self.robot.joints)
+        if self.efforts is None or not (is_whole and self.stands):
+            return None
+        period = np.ptp(self.times) / (len(self.times) - 1)
+        reach = int(self.robot.thresholds.window / max(period, 1e-9) + 0.5)
+        kernel = 1.0 - np.abs(np.arange(-reach, reach + 1)) / (reach + 1)
+        counts = np.convolve(np.ones(len(self.times)), kernel, "same")
+        means = [np.convolve(e, kernel, "same") / counts for e in self.efforts.T]
+        names = [joint.name for joint in self.joints]
+        order = [names.index(joint.name) for joint in self.robot.joints]
+        return external_forces(self.measured, np.array(means).T[self._few][:, order])
+
+    @cached_property
+    def wanted(self) -> Measured | None:
+        """What was commanded; None if it is not known.
+
+        Without a commanded base, the foot that stands first stays where it is.
+        """
+        if not self.stands or np.isnan(self.desired).any():
+            return None
+        motion = self._motion(self.desired, self.desired_bases)
+        if motion.base_poses is None:
+            ground = self.measured.ground
+            assert ground is not None
+            if not ground.in_contact[0].any():
+                return None
+            foot = self.robot.ground.rows[ground.columns[ground.in_contact[0].argmax()]]
+            place = self.measured.link_poses(self.robot.links[foot], self.times[:1])
+            free = Measured(self.robot, motion)
+            poses = free.link_poses(self.robot.links[foot], motion.times)
+            bases = compose(np.broadcast_to(place, poses.shape), inverse(poses))
+            motion = replace(motion, base_poses=bases)
+        return measure(self.robot, motion, NEEDS, {})
+
+
+def failed_run(
+    robot: CheckedRobot,
+    states: Stretch,
+    commands: Sequence[CommandStream] = (),
+    fall_limits: FallLimits | None = None,
+    effort_limits: Mapping[str, float] | None = None,
+) -> Run | None:
+    """Find the last fall, or else the first joint or base that is off its command.
+
+    Args:
+        robot: The robot.
+        states: Its states.
+        commands: The commands to it, with their positions.
+        fall_limits: Deviations of the base that are no fall.
+        effort_limits: As of ``Run``.
+
+    Returns:
+        What was before; None if nothing failed.
+    """
+    given = commands, effort_limits or {}
+    run = Run(robot, states, *given)
+    found = _fall(run, fall_limits or FallLimits()) or min(_strays(run), default=None)
+    if found is None:
+        return None
+    failed, text = found
+    first = int(np.searchsorted(run.times, run.times[failed] - BEFORE))
+    if states.base_poses is not None:
+        places = states.base_poses[first : failed + 1, :3]
+        steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
+        fast = steps > PLACED_SPEED * np.diff(run.times[first : failed + 1])
+        first += int(np.append(np.flatnonzero(fast & (steps > PLACED)), -1).max()) + 1
+    part = Run(robot, states.rows(slice(first, failed + 1)), *given)
+    part.end, part.failure = float(run.times[failed]), text
+    return part
+
+
+def _fall(run: Run, limits: FallLimits) -> tuple[int, str] | None:
+    """Find the row of the last fall."""
+    bases, desired = run.bases, run.desired_bases
+    if bases is None:
+        return None
+    begin = bases[0], None if desired is None else desired[0]
+    has_fallen = FallDetector(*begin, limits).has_fallen(bases, desired)
+    falls = np.flatnonzero(has_fallen[1:] & ~has_fallen[:-1])
+    return (int(falls[-1]) + 1, "the robot falls") if len(falls) else None
+
+
+def _strays(run: Run) -> list[tuple[int, str]]:
+    """List the first rows of joints, and of the base, that are off their commands."""
+    found = []
+    errors = np.nan_to_num(np.abs(run.errors))
+    for column in np.flatnonzero((errors > ERROR).any(axis=0)):
+        joint = run.joints[column]
+        text = f"{joint.name} is {ERROR} {units(joint)[0]} off its command"
+        found.append((int((errors[:, column] > ERROR).argmax()), text))
+    bases, desired = run.bases, run.desired_bases
+    if bases is not None and desired is not None:
+        away = np.linalg.norm((bases - desired)[:, :2], axis=1)
+        turns = rotation_vectors(desired[:, 3:], bases[:, 3:])
+        is_astray = (away > ASTRAY) | (np.linalg.norm(turns, axis=1) > TURNED)
+        if is_astray.any():
+            text = f"the base is {ASTRAY} m or {TURNED} rad off its command"
+            found.append((int(is_astray.argmax()), text))
+    return found
+
+
+def _whole(array: np.ndarray | None) -> np.ndarray | None:
+    """Return an array, or None if a value is unknown."""
+    return None if array is None or np.isnan(array).any() else array
+
+
+def states_of(played: Rollout) -> Stretch:
+    """Return a simulated motion as the states of a robot."""
+    return Stretch(
+        1,
+        np.round(1e9 * played.times).astype(np.int64),
+        played.joint_names,
+        played.joint_names,
+        played.positions,
+        played.velocities,
+        played.base_poses,
+        None,
+        played.mean_efforts,
+        played.desired,
+        played.desired_base_poses,
+    )
