@@ -78,7 +78,8 @@ def test_a_fall_is_told_and_ends_the_figures():
     (fall,) = verdict.of("fall")
     assert fall.first_time == verdict.figures["fall_time"]
     assert 0.5 < fall.first_time < 1.0  # it leans by 45 degrees after 0.65 s
-    note = verdict.notes[-1]
+    note, cause = verdict.notes[-2:]
+    assert cause.startswith("The robot falls at ") and "centre of mass" in cause
     begin = f"In simulation with PyBullet the robot falls at {fall.first_time:.3f} s"
     assert note.startswith(f"{begin} of 1.000 s, where the simulation ends; tracking")
     assert verdict.measured.played.times[-1] == fall.first_time
@@ -123,7 +124,7 @@ def test_a_saturated_motor_says_what_it_needs_and_has(engine):
     )
     assert float(found[1]) == pytest.approx(needed, rel=0.03)
     lack = f"The largest lack of effort: {ARM} needs {found[1]} N m and has 0.62 N m."
-    assert verdict.notes[-1].endswith(lack)
+    assert verdict.notes[-2].endswith(lack)
     assert verdict.of("fall") == ()
 
 

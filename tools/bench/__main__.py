@@ -34,6 +34,7 @@ from g1_description import Robot, Scene
 from g1_description.ros.conversions import model_trajectory
 
 from .browser import browser, burners, is_open
+from .causes import causes
 from .clutter import clutter
 from .commands import commands
 from .folder import folder
@@ -855,6 +856,7 @@ PARTS = {
         trajectories,
         checks,
         forces,
+        causes,
         folder,
         page,
         browser,

@@ -115,20 +115,23 @@ class Explanation:
     """Which events were not looked for, since the states lack what shows them."""
 
     def __str__(self) -> str:
-        """Write the first cause in one sentence, and all events below it."""
-        lines = [self.first, *map(str, self.chain[1:]), str(self.failure)]
-        return "\n  ".join(filter(None, [*lines, self.unknown]))
+        """Write the first cause, the other events, and what is unknown, in lines."""
+        lines = [self.first, *map(str, self.chain[1:]), self.unknown]
+        return "\n  ".join(filter(None, lines))
 
     @property
     def first(self) -> str:
-        """The first cause in a sentence."""
+        """The failure and its first cause in a line."""
+        text = self.failure.text
+        begin = f"{text[:1].upper()}{text[1:]} at {self.failure.time:.3f} s."
         if not self.chain:
-            return "The first cause is not known."
-        return f"First cause at {self.chain[0]}."
+            return f"{begin} The first cause is not known."
+        cause = self.chain[0]
+        return f"{begin} First cause, at {cause.time:.3f} s: {cause.text}."
 
     @property
     def note(self) -> str:
-        """The first cause, and the events that it led to, in two sentences."""
+        """The first cause and the other events in a line."""
         later = "; ".join(map(str, self.chain[1:]))
         return f"{self.first} Other events: {later}." if later else self.first
 

@@ -106,12 +106,12 @@ class Run:
     def unknown(self) -> str:
         """Return which evidence is missing; empty if none is."""
         missing = {
-            "efforts of motors": self.efforts is None,
+            "efforts of the motors": self.efforts is None,
             "commands": bool(np.isnan(self.desired).all()),
-            "base": not self.stands,
+            "how it stands": not self.stands,
         }
         names = listed(name for name, is_missing in missing.items() if is_missing)
-        return f"Not known, and not looked at: {names}." if names else ""
+        return f"Not known: {names}." if names else ""
 
     # --- what checks measure of it, at fewer times ---
 
