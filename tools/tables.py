@@ -13,6 +13,7 @@ from typing import Any
 
 from g1_description.bridge.parameters import BridgeParameters
 from g1_description.checker.parameters import CheckerParameters
+from g1_description.checks.first_cause import CAUSES
 from g1_description.checks.rules import RULES
 from g1_description.cli.check import CheckOptions
 from g1_description.cli.collision_pairs import PairsOptions
@@ -25,6 +26,7 @@ from g1_description.cli.pose import PoseOptions
 from g1_description.cli.record import RecordOptions
 from g1_description.cli.snapshot import SnapshotOptions
 from g1_description.cli.web import WebOptions
+from g1_description.cli.why import WhyOptions
 from g1_description.command_line import Argument, arguments_of, default_text
 from g1_description.gazebo.parameters import GazeboParameters, SpawnerParameters
 from g1_description.gazebo.programs.spawn_scene import SceneParameters
@@ -55,6 +57,7 @@ COMMANDS: dict[str, tuple[str, type[Any]]] = {
     "record": ("motions.md", RecordOptions),
     "snapshot": ("pictures.md", SnapshotOptions),
     "web": ("browser.md", WebOptions),
+    "why": ("why.md", WhyOptions),
 }
 """The page that lists a command's options, and their dataclass. ``motion`` has one for
 each subcommand."""
@@ -294,6 +297,16 @@ def rule_rows() -> str:
     return "\n".join(lines)
 
 
+def cause_rows() -> str:
+    """Write the table of the events before failures."""
+    lines = ["| event | evidence | explains |", "| --- | --- | --- |"]
+    for cause in CAUSES:
+        mark = "*" if cause.lasts else ""
+        explained = ", ".join(f"`{name}`" for name in cause.explains)
+        lines.append(row((f"`{cause.name}`{mark}", cause.about, explained)))
+    return "\n".join(lines)
+
+
 def levels() -> str:
     """Write the default thresholds of the checks."""
     lines = []
@@ -350,6 +363,7 @@ def texts() -> dict[Path, str]:
     put(f"docs/{COMMON_PAGE}", "commands", command_rows())
     put(f"docs/{COMMON_PAGE}", "common", common_rows())
     put("docs/checks_reference.md", "rules", rule_rows())
+    put("docs/why.md", "causes", cause_rows())
     put("config/checks.yaml", "of checks", levels(), ("# ", ""))
     put("config/completion.bash", "of commands", completion(), ("# ", ""))
     return found

@@ -1,7 +1,8 @@
 """The node ``checker``: checks configurations, motions and the current state.
 
 Services: ~check_state (g1_description/CheckState), ~check_trajectory
-    (g1_description/CheckTrajectory), ~solve_ik (g1_description/SolveIK)
+    (g1_description/CheckTrajectory), ~solve_ik (g1_description/SolveIK),
+    ~why (std_srvs/Trigger)
 Subscribes, with a ~rate: robot_state (g1_description/RobotState); without a publisher
     of that, joint_states (sensor_msgs/JointState), /tf, /tf_static (tf2_msgs/TFMessage)
 Subscribes, below the simulator's name: scene, object_states; see objects.py

@@ -2,6 +2,7 @@
 
 Services: ~check_state (g1_description/CheckState),
     ~check_trajectory (g1_description/CheckTrajectory),
+    ~why (std_srvs/Trigger),
     ~solve_ik (g1_description/SolveIK)
 """
 
@@ -15,9 +16,11 @@ import numpy as np
 import rospy
 from geometry_msgs.msg import Point
 from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger, TriggerRequest, TriggerResponse
 
 from g1_description.checker.objects import CheckedObjects, CheckerAmongObjects
 from g1_description.checks.checker import Checker
+from g1_description.checks.first_cause import failure_text
 from g1_description.checks.verdict import Finding, Verdict
 from g1_description.choices import ZERO
 from g1_description.collisions.self_collisions import SelfCollisions
@@ -40,6 +43,7 @@ from g1_description.ros.conversions import (
     pose_from_array,
     pose_to_array,
 )
+from g1_description.ros.history import fetch_commands, fetch_history
 from g1_description.ros.map_frame import MapFrame
 from g1_description.ros.motion_messages import (
     pose_from_numbers,
@@ -58,6 +62,10 @@ from g1_description.srv import (
     SolveIKRequest,
     SolveIKResponse,
 )
+
+
+EXPLAINED = 60.0
+"""Time before now in which failures are explained, in [s]."""
 
 
 def finding_message(finding: Finding) -> FindingMessage:
@@ -107,6 +115,7 @@ class CheckServices:
         self._joints = dict.fromkeys(joint.name for joint in robot.movable_joints)
         rospy.Service("~check_state", CheckState, self._check_state)
         rospy.Service("~check_trajectory", CheckTrajectory, self._check_trajectory)
+        rospy.Service("~why", Trigger, self._why)
 
     def _check_state(self, request: CheckStateRequest) -> CheckStateResponse:
         """Check a configuration."""
@@ -141,13 +150,30 @@ class CheckServices:
             if motion is None:
                 raise MotionError("The trajectory has no points.")
             with self._motion_lock:
-                if self._motion_checker is None:
-                    self._motion_checker = self._make_checker()
-                checker, objects = self._around(self._motion_checker, motion)
+                checker, objects = self._around(self._for_motions(), motion)
                 verdict = checker.check(motion, request.only, objects)
         except G1DescriptionError as error:
             return CheckTrajectoryResponse(status_message=str(error))
         return _answer(CheckTrajectoryResponse, verdict)
+
+    def _why(self, _: TriggerRequest) -> TriggerResponse:
+        """Explain the last failure that the bridge still knows."""
+        given = EXPLAINED, rospy.get_namespace()
+        try:
+            states, commands = fetch_history(*given)[0], fetch_commands(*given)
+            with self._motion_lock:
+                checker = self._for_motions().newest()[0]
+                return TriggerResponse(
+                    True, failure_text(checker.explain(states, commands))
+                )
+        except G1DescriptionError as error:
+            return TriggerResponse(False, str(error))
+
+    def _for_motions(self) -> CheckerAmongObjects:
+        """Return the checker of motions; it is prepared at the first call."""
+        if self._motion_checker is None:
+            self._motion_checker = self._make_checker()
+        return self._motion_checker
 
     def _around(
         self, among: CheckerAmongObjects, motion: Motion

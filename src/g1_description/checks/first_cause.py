@@ -14,7 +14,7 @@ from g1_description.checks.measured import Measured
 from g1_description.checks.rule import units
 from g1_description.checks.rules.forces import CONTACT_FORCES, side, unknown_forces
 from g1_description.checks.rules.ground import CENTER_OF_MASS
-from g1_description.checks.run import Run
+from g1_description.checks.run import ASTRAY, ERROR, TURNED, Run
 from g1_description.motion.history import CommandStream
 from g1_description.robot.dynamics import GRAVITY
 
@@ -134,6 +134,16 @@ class Explanation:
         """The first cause and the other events in a line."""
         later = "; ".join(map(str, self.chain[1:]))
         return f"{self.first} Other events: {later}." if later else self.first
+
+
+def failure_text(found: Explanation | None) -> str:
+    """Write an explanation, or that nothing failed."""
+    if found is not None:
+        return str(found)
+    return (
+        f"Nothing failed: the robot does not fall, no joint is {ERROR} rad or m off its "
+        f"command, and the base not {ASTRAY} m or {TURNED} rad."
+    )
 
 
 def explain(run: Run) -> Explanation:

@@ -28,7 +28,7 @@ COMMANDS = {
 }
 """Descriptions, and arguments of ``start.run``."""
 
-ROS_COMMANDS = ("doctor", "play", "pose", "record")
+ROS_COMMANDS = ("doctor", "play", "pose", "record", "why")
 
 
 def main() -> None:
