@@ -40,8 +40,7 @@ SEE = {
 LAUNCH_FILES = ("display", "bridge", "checks", "view", "replay", "web")
 """The first of these that declares an argument says what it means."""
 
-OWN_MEANING = {("bridge", "rate"), ("view", "use_sim_time")}
-OWN_MEANING |= {("web", "ghost"), ("web", "robot_name")}
+OWN_MEANING = {("bridge", "rate"), ("view", "use_sim_time"), ("web", "robot_name")}
 """Launch files where an argument means something else."""
 
 

@@ -20,11 +20,7 @@ import tables  # noqa: E402
 
 LAUNCH = ROOT / "launch"
 OWN_DEFAULT = {(file, "rvizconfig") for file in ("two_robots", "view", "replay")}
-OWN_DEFAULT |= {
-    ("view", "use_sim_time"),
-    ("display", "ghost"),
-    ("display_and_gazebo", "ghost"),
-}
+OWN_DEFAULT.add(("view", "use_sim_time"))
 
 
 def section(page, title):

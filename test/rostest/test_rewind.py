@@ -226,7 +226,6 @@ def test_the_past_is_plotted_and_gone_to_by_its_peak(client, states):
             return None
         times, measured, commanded = line()[:3]
         measured = np.where(times > start, measured, np.nan)
-        # The ghost is on: where it is commanded is there, too.
         both = np.nanmax(measured), np.nanmax(commanded)
         is_there = np.allclose(both, IN_TORSO[1])
         return is_there and float(times[np.nanargmax(measured)])

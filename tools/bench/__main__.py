@@ -558,7 +558,7 @@ def history(bench):
 
     Memory is that of 600 s at 200 Hz, while all joints and the base of the G1 move:
     measured from link poses as in the bridge, with velocities and twists, then also
-    with efforts, and commanded positions and base of the ghost. Processor time is that
+    with efforts, and commanded positions and base. Processor time is that
     of two more bridges of a display at the same time, one of them with `~history` 0,
     while the robot plays a motion, per simulated time; in `hold` the history has the
     efforts.

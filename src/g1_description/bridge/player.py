@@ -83,16 +83,10 @@ class MotionPlayer:
 
     Our simulator samples a motion itself, at the time of each step, and publishes what
     is commanded. On the real Gazebo the bridge does: see ``GazeboMotions``.
-
-    With ``keeps_commands`` states get the commanded joints and base, for the ghost.
     """
 
     def __init__(
-        self,
-        gazebo: str,
-        status: RobotStatus,
-        commands: JointCommands,
-        keeps_commands: bool = False,
+        self, gazebo: str, status: RobotStatus, commands: JointCommands
     ) -> None:
         self._status = status
         self._name = f"{gazebo}/set_model_trajectory"
@@ -105,8 +99,7 @@ class MotionPlayer:
             f"{gazebo}/set_model_state", ModelState, QUEUE_SIZE
         )
         self._joints = [joint.name for joint in status.description.movable_joints]
-        self._keeps_commands = keeps_commands
-        self._motions = GazeboMotions(self._joints, commands, keeps_commands)
+        self._motions = GazeboMotions(self._joints, commands)
         # Locked while a request is sent and recorded, so that the order is the same in
         # the simulator and here. No state waits for it.
         self._sending = threading.Lock()
@@ -242,15 +235,10 @@ class MotionPlayer:
         self._has_motors = motors is not None
         if motors is None:
             return self._motions.observe(state)
-        if self._keeps_commands:
-            pairs = zip(motors.names, motors.commanded.tolist())
-            state = replace(
-                state,
-                commanded={
-                    name: value for name, value in pairs if not math.isnan(value)
-                },
-                commanded_base=motors.commanded_base,
-            )
+        pairs = zip(motors.names, motors.commanded.tolist())
+        commanded = {name: value for name, value in pairs if not math.isnan(value)}
+        base = motors.commanded_base
+        state = replace(state, commanded=commanded, commanded_base=base)
         return state, motors.is_sample
 
     def _claim(self, motion: Motion, start_ns: int) -> Claim:
@@ -317,11 +305,8 @@ class GazeboMotions:
     Each published state is answered with the sample of its time.
     """
 
-    def __init__(
-        self, joints: Sequence[str], commands: JointCommands, keeps_commands: bool
-    ) -> None:
+    def __init__(self, joints: Sequence[str], commands: JointCommands) -> None:
         self._joints, self._commands = joints, commands
-        self._keeps_commands = keeps_commands
         self._lock = threading.Lock()
         self._forget()
 
@@ -374,13 +359,8 @@ class GazeboMotions:
         """Send the samples of a state's time; return as ``MotionPlayer.observe``."""
         with self._lock:
             is_sample = bool(self._playlist) and self._advance(state)
-            if self._keeps_commands:
-                state = replace(
-                    state,
-                    commanded=self._commanded.copy(),
-                    commanded_base=self._commanded_base,
-                )
-        return state, is_sample
+            commanded, base = self._commanded.copy(), self._commanded_base
+        return replace(state, commanded=commanded, commanded_base=base), is_sample
 
     def _advance(self, state: RobotState) -> bool:
         stamp, is_sample = state.stamp, False

@@ -66,7 +66,7 @@ class BridgedRobot:
         p = parameters
         self.status, self._tf = status, tf
         self.commands = JointCommands(p.gazebo, status.name, status.commands, log)
-        self.player = MotionPlayer(p.gazebo, status, self.commands, p.ghost)
+        self.player = MotionPlayer(p.gazebo, status, self.commands)
         self._warnings = RobotWarnings(status, log)
         self._map_frame = p.map_frame
         base = base_child(p, status.description)

@@ -75,9 +75,6 @@ class WebParameters:
 
     map_frame: str = "map"
 
-    ghost: bool = False
-    """Whether the bridge publishes the commanded configuration."""
-
     collisions: str = ""
 
     thresholds: str = ""
@@ -121,19 +118,17 @@ class LiveWorld:
         robots: Sequence[LiveRobot],
         simulator: LiveSimulator | None,
         changed: threading.Event,
-        with_ghost: bool,
         can_move: bool,
     ) -> None:
         self.robots, self.simulator, self.changed = robots, simulator, changed
         self.can_move = can_move
-        self.has_commanded = with_ghost
         self._log = ThrottledLog()
         self.scenes = [
             LiveScene(one, changed, self._log, robots) for one in (simulator,) if one
         ]
         self._players: dict[LiveRobot, LivePlayer] = {}
 
-    can_arrange = False
+    can_arrange, has_commanded = False, True
 
     def arrange(self, beside: bool) -> None:
         """Do nothing: robots are shown at their positions."""
@@ -214,7 +209,7 @@ def make_page(parameters: WebParameters) -> Page:
         LiveRobot(robot, description, parameters.map_frame, changed, simulator)
         for robot, description in wait_for_descriptions(parameters.each_robot)
     ]
-    world = LiveWorld(robots, simulator, changed, parameters.ghost, parameters.controls)
+    world = LiveWorld(robots, simulator, changed, parameters.controls)
     thresholds = parameters.read_thresholds()
     file = Path(parameters.collisions) if parameters.collisions else None
 

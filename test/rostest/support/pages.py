@@ -17,7 +17,7 @@ def opened_page(home):
     Args:
         home: What it takes for ROS_HOME.
     """
-    launch = "roslaunch --wait g1_description web.launch port:=0 ghost:=true"
+    launch = "roslaunch --wait g1_description web.launch port:=0"
     process = subprocess.Popen(
         launch.split(),
         env={**os.environ, "ROS_HOME": str(home)},
