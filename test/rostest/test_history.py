@@ -295,8 +295,13 @@ class TestHistory(unittest.TestCase):
                 kept = [m for _, m, _ in bag.read_messages(["/joint_states"])]
                 topic = ["/received_commands"]
                 ((_, command, _),) = bag.read_messages(topic)
+                wanted = [
+                    m for _, m, _ in bag.read_messages(["/commanded_joint_states"])
+                ]
             self.assertEqual(command.sender, rospy.get_name())
             np.testing.assert_allclose(command.positions, [angle], rtol=1e-6)
+            self.assertEqual(len(wanted), len(kept))
+            self.assertEqual(position_of(wanted[-1], ELBOW), angle)  # without a ghost
             known = {m.header.stamp: m.position for m in heard.messages}
             both = [m for m in kept if m.header.stamp in known]
             arrived = [abs(position_of(m, ELBOW) - angle) < 1e-6 for m in both]

@@ -18,6 +18,7 @@ from g1_description.bridge.recorded_file import BAG, ENDINGS, write_motion_file
 from g1_description.bridge.status import RobotStatus
 from g1_description.errors import G1DescriptionError, InvalidValueError
 from g1_description.files.atomic import whole_file
+from g1_description.motion.files.history_bag import RECEIVED
 from g1_description.motion.files.recordings import most_samples
 from g1_description.motion.history import gaps_text
 from g1_description.motion.history_chunks import Stretch
@@ -210,13 +211,13 @@ def keep_last_bag(robot: RobotParameters, status: RobotStatus) -> None:
     first = int(stretch.stamps[0])
     streams = history.commands(first, last, run, with_positions=True)
     commands = [
-        ("/received_commands", one.first.to_nsec(), one)
+        (f"/{RECEIVED}", one.first.to_nsec(), one)
         for one in commands_to_messages(streams)
     ]
     path = last_bag(robot)
     with whole_file(path) as part:
-        given = stretch.motion(), status.description, first, stretch.efforts
-        write_bag(part, *given, commands)
+        motion = stretch.motion()
+        write_bag(part, motion, status.description, first, stretch, commands)
         names = [path, *(path.with_suffix(f".{n}{BAG}") for n in range(1, KEPT))]
         for older, newer in zip(names[:0:-1], names[-2::-1]):
             if newer.exists():

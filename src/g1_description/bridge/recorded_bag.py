@@ -13,16 +13,19 @@ from typing import IO, Any, Callable, Tuple
 
 import genpy
 import numpy as np
+from geometry_msgs.msg import PoseStamped
 from lz4.frame import compress
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
 from g1_description.bridge.parameters import BridgeParameters, base_child, static_edges
+from g1_description.motion.files.history_bag import COMMANDED_BASE, COMMANDED_JOINTS
 from g1_description.motion.files.recordings import stamps_of
+from g1_description.motion.history_chunks import Stretch
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
 from g1_description.robot.transform import IDENTITY
-from g1_description.ros.conversions import stamp_from_ns, transform
+from g1_description.ros.conversions import pose_from_array, stamp_from_ns, transform
 
 MAX_STAMP = (1 << 32) * 1_000_000_000 - 1
 
@@ -48,6 +51,9 @@ _MARKS = (
 
 Make = Callable[[genpy.Time, float], genpy.Message]
 """Makes a message whose stamps and numbers all have one value."""
+
+_Topic = Tuple[str, Make, np.ndarray]
+"""A topic: its name, its messages, and the numbers of each, shape (n, n_numbers)."""
 
 Entries = Tuple[np.ndarray, np.ndarray]
 """Stamps in [ns] and offsets of messages in a chunk, shape (n,)."""
@@ -165,7 +171,7 @@ def write_bag(
     motion: Motion,
     robot: Description,
     begin: int,
-    efforts: np.ndarray | None = None,
+    states: Stretch | None = None,
     others: Sequence[tuple[str, int, genpy.Message]] = (),
 ) -> None:
     """Write joint_states, and the base on TF with the same stamps.
@@ -175,51 +181,75 @@ def write_bag(
         motion: The motion.
         robot: The robot that moves.
         begin: Stamp of the first sample, in [ns].
-        efforts: Of the joints, in [N m] or [N], shape (n, n_joints).
+        states: The states that the motion is made of, whose efforts and commanded
+            joints and base are written, too.
         others: Further messages with their topics and stamps in [ns].
 
     Raises:
         MotionError: If a stamp is too large.
     """
-    t, frames = motion, BridgeParameters()
+    frames, base = BridgeParameters(), base_child(BridgeParameters(), robot)
     stamps = np.array(stamps_of(motion, begin, MAX_STAMP), dtype=np.int64)
-    arrays = [t.positions, t.velocities, efforts]
-    each = [0 if array is None else len(t.joint_names) for array in arrays]
-
-    def joint_state(stamp: genpy.Time, number: float) -> JointState:
-        filled = [[number] * count for count in each]
-        message = JointState(None, list(t.joint_names), *filled)
-        message.header.stamp = stamp
-        return message
-
-    base = base_child(frames, robot)
 
     def edge(stamp: genpy.Time, number: float) -> TFMessage:
         return TFMessage([transform(stamp, frames.map_frame, base, 7 * [number])])
 
+    def pose(stamp: genpy.Time, number: float) -> PoseStamped:
+        message = PoseStamped(pose=pose_from_array(np.full(7, number)))
+        message.header.stamp, message.header.frame_id = stamp, frames.map_frame
+        return message
+
+    names, efforts = motion.joint_names, None if states is None else states.efforts
+    arrays = [motion.positions, motion.velocities, efforts]
+    given = [_joint_topic("/joint_states", names, arrays)]
+    if motion.base_poses is not None and base is not None:
+        given.append(("/tf", edge, motion.base_poses))
+    if states is not None and states.commanded is not None:
+        wanted = states.commanded_names, [states.commanded]
+        given.append(_joint_topic(f"/{COMMANDED_JOINTS}", *wanted))
+    if states is not None and states.commanded_bases is not None:
+        given.append((f"/{COMMANDED_BASE}", pose, states.commanded_bases))
     with path.open("wb") as stream:
         bag = _Bag(stream)
-        edges = static_edges(frames, robot)
         first = stamp_from_ns(begin)
+        edges = static_edges(frames, robot)
         still = TFMessage([transform(first, *edge, IDENTITY) for edge in edges])
-        others = [("/tf_static", begin, still), *others]
-        _add_each(bag, others)
-        numbers = np.hstack([array for array in arrays if array is not None])
-        topics = [(_TopicRecords(bag, "/joint_states", joint_state), numbers)]
-        if t.base_poses is not None and base is not None:
-            topics.append((_TopicRecords(bag, "/tf", edge), t.base_poses))
-        for at in range(0, len(stamps), ROWS):
-            some = slice(at, at + ROWS)
-            parts = [topic.rows(stamps[some], given[some]) for topic, given in topics]
-            rows = np.hstack(parts)
-            begins = np.cumsum([0, *(part.shape[1] for part in parts)])
-            offsets = np.arange(len(rows)) * rows.shape[1]
-            entries = {
-                topic.number: (stamps[some], offsets + place)
-                for (topic, _), place in zip(topics, begins)
-            }
-            bag.add(rows.tobytes(), entries)
+        _add_each(bag, [("/tf_static", begin, still), *others])
+        _add_rows(bag, stamps, given)
         bag.close()
+
+
+def _joint_topic(
+    topic: str, names: Sequence[str], arrays: Sequence[np.ndarray | None]
+) -> _Topic:
+    """Describe a topic with positions, velocities and efforts; None: left out."""
+    counts = [0 if array is None else len(names) for array in arrays]
+    fields = "position", "velocity", "effort"
+
+    def joint_state(stamp: genpy.Time, number: float) -> JointState:
+        filled = zip(fields, ([number] * count for count in counts))
+        message = JointState(name=list(names), **dict(filled))
+        message.header.stamp = stamp
+        return message
+
+    numbers = np.hstack([array for array in arrays if array is not None])
+    return topic, joint_state, numbers
+
+
+def _add_rows(bag: _Bag, stamps: np.ndarray, given: Sequence[_Topic]) -> None:
+    """Write a message of each topic per stamp in [ns], shape (n,)."""
+    topics = [(_TopicRecords(bag, topic, make), rows) for topic, make, rows in given]
+    for at in range(0, len(stamps), ROWS):
+        some = slice(at, at + ROWS)
+        parts = [topic.rows(stamps[some], numbers[some]) for topic, numbers in topics]
+        rows = np.hstack(parts)
+        begins = np.cumsum([0, *(part.shape[1] for part in parts)])
+        offsets = np.arange(len(rows)) * rows.shape[1]
+        entries = {
+            topic.number: (stamps[some], offsets + place)
+            for (topic, _), place in zip(topics, begins)
+        }
+        bag.add(rows.tobytes(), entries)
 
 
 def _add_each(bag: _Bag, messages: Sequence[tuple[str, int, Any]]) -> None:

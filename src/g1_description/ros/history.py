@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 import rospy
 
+from g1_description.motion.files.history_bag import stream_from
 from g1_description.motion.history import CommandStream, HistoryPart
-from g1_description.motion.history_chunks import Command, Stretch, joined
+from g1_description.motion.history_chunks import Stretch, joined
 from g1_description.msg import ModelTrajectory, ReceivedCommands
 from g1_description.ros.conversions import stamp_from_ns
 from g1_description.ros.waiting import SERVICE_ERRORS, NoAnswerError, RefusedError
@@ -87,13 +88,7 @@ def commands_to_messages(streams: Iterable[CommandStream]) -> list[ReceivedComma
 
 def _stream(message: ReceivedCommands) -> CommandStream:
     """Convert commands back."""
-    m, first = message, message.first.to_nsec()
-    command = Command(m.sender, m.topic, m.content, tuple(m.joint_names))
-    stream = CommandStream(first, m.last.to_nsec(), m.count, command)
-    if m.times:
-        stream.stamps = first + np.round(1e9 * np.array(m.times)).astype(np.int64)
-        stream.positions = np.reshape(m.positions, (m.count, len(m.joint_names)))
-    return stream
+    return stream_from(message, message.first.to_nsec(), message.last.to_nsec())
 
 
 SHORTLY = 60_000_000

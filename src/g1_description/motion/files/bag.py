@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import bz2
-from collections.abc import Collection, Iterator
+import os
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
-from functools import partial
+from functools import cached_property, partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from g1_description.motion.files.format import Format
@@ -24,6 +26,8 @@ MD5_SUMS = {
     "cd5e73d190d741a2f92e81eda573aca7": "Odometry",
     "65b4f94a94d1ed67169da35a02f33d3f": "JointTrajectory",
     "dfa9556423d709a3729bcef664bddf67": "RobotTrajectory",
+    "d3812c3cbc69362b77dc0b19b345f8f5": "PoseStamped",
+    "c6bb498135801c29afbf69d37544f6a2": "ReceivedCommands",
 }
 """Kinds of messages by md5 sum: some exist under several names, as in moveit_msgs, tf
 and this package."""
@@ -37,34 +41,46 @@ def recognise(source: MotionSource) -> bool:
 @contextmanager
 def _opened(source: MotionSource) -> Iterator[Recording]:
     """Open a bag."""
-    with _reader(source) as bag:
-        channels = {
-            Channel(
-                known.topic,
-                known.msgtype,
-                MD5_SUMS.get(known.digest, ""),
-                "ros1",
-                known.msgcount,
-                getattr(known.ext, "callerid", None),
-            ): known
-            for known in bag.connections
-        }
-        of_id = {known.id: channel for channel, known in channels.items()}
-
-        def messages(
-            chosen: Collection[Channel],
-        ) -> Iterator[tuple[Channel, int, bytes]]:
-            for known, time, data in bag.messages([channels[own] for own in chosen]):
-                yield of_id[known.id], time, data
-
-        yield Recording([*channels], messages)
+    with reader_of(source.path) as bag:
+        yield recording_of(bag)
 
 
-def _reader(source: MotionSource) -> Reader:
-    """Open a bag with a limit on decompressed chunks."""
+def recording_of(bag: Reader) -> Recording:
+    """Describe an open bag."""
+    channels = {
+        Channel(
+            known.topic,
+            known.msgtype,
+            MD5_SUMS.get(known.digest, ""),
+            "ros1",
+            known.msgcount,
+            getattr(known.ext, "callerid", None),
+        ): known
+        for known in bag.connections
+    }
+    of_id = {known.id: channel for channel, known in channels.items()}
+
+    def messages(chosen: Collection[Channel]) -> Iterator[tuple[Channel, int, bytes]]:
+        for known, time, data in bag.messages([channels[own] for own in chosen]):
+            yield of_id[known.id], time, data
+
+    return Recording([*channels], messages)
+
+
+def reader_of(
+    path: Path, old_chunks: Callable[[Reader], Collection[int]] = lambda _: ()
+) -> Reader:
+    """Make a reader of a bag with a limit on decompressed chunks.
+
+    Args:
+        path: The bag.
+        old_chunks: Given the reader with ``connections`` and ``chunk_infos``, returns
+            the positions of chunks whose messages are left out.
+    """
     # Not at the top: it takes 0.05 s, and few programs read bags.
     import lz4.frame
     from rosbags.rosbag1 import Reader
+    from rosbags.rosbag1.reader import read_uint32
 
     decompressors = {
         bz2.decompress: bz2.BZ2Decompressor,
@@ -73,6 +89,10 @@ def _reader(source: MotionSource) -> Reader:
 
     class BoundedReader(Reader):
         """Decompresses each chunk once, and at most ``MAX_CHUNK`` bytes of it."""
+
+        @cached_property
+        def old(self) -> Collection[int]:
+            return old_chunks(self)
 
         def messages(self, connections: Any = (), *_: Any) -> Any:
             # In the order of the file: recorded times go back at a reset, and by them
@@ -90,7 +110,15 @@ def _reader(source: MotionSource) -> Reader:
             bounded = partial(unpacked, lambda *given: make().decompress(*given))
             return chunk._replace(decompressor=bounded)
 
-    return BoundedReader(source.path)
+        def read_index_data(self, pos: int, indexes: Any) -> None:
+            if pos not in self.old:
+                super().read_index_data(pos, indexes)
+                return
+            assert self.bio is not None
+            for _ in ("header", "data"):  # their sizes come first
+                self.bio.seek(read_uint32(self.bio), os.SEEK_CUR)
+
+    return BoundedReader(path)
 
 
 FORMAT = Format("bag", recognise, reader(_opened), (".bag",), is_recorded=True)
