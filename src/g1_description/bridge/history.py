@@ -176,15 +176,15 @@ class HistoryServices:
         return f"{missing} {ignored}".strip()
 
 
-def last_bag(robot: RobotParameters) -> Path:
+def last_bag(namespace: str) -> Path:
     """Return the bag with the history of a robot whose bridge has ended."""
-    parts = ["last", *filter(None, robot.namespace.split("/"))]
+    parts = ["last", *filter(None, namespace.split("/"))]
     return user_file().with_name("_".join(parts) + BAG)
 
 
 def announce_last_bag(robot: RobotParameters) -> None:
     """Log where the history of the bridge before is, if it has left one."""
-    path = last_bag(robot)
+    path = last_bag(robot.namespace)
     if path.is_file():
         ended = time.localtime(path.stat().st_mtime)
         when = time.strftime("%Y-%m-%d %H:%M:%S", ended)
@@ -214,7 +214,7 @@ def keep_last_bag(robot: RobotParameters, status: RobotStatus) -> None:
         (f"/{RECEIVED}", one.first.to_nsec(), one)
         for one in commands_to_messages(streams)
     ]
-    path = last_bag(robot)
+    path = last_bag(robot.namespace)
     with whole_file(path) as part:
         motion = stretch.motion()
         write_bag(part, motion, status.description, first, stretch, commands)
