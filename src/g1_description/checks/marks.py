@@ -175,9 +175,16 @@ def draw_marks(canvas: Canvas, verdict: Verdict, limit_margin: float) -> None:
         labels.append(Label(points.mean(axis=0), text, color))
     labels += _near_limits(canvas, measured, base, limit_margin)
     labels += _balance(canvas, measured, verdict)
+    write_labels(canvas, LABELS, labels, base)
+
+
+def write_labels(
+    canvas: Canvas, namespace: str, labels: Sequence[Label], base: np.ndarray
+) -> None:
+    """Write texts next to a robot with this base, each with a line to its point."""
     for label, (begin, middle) in zip(labels, places(labels, base)):
-        canvas.line(LABELS, np.stack([label.point, begin]), 0.002, label.color)
-        canvas.text(LABELS, middle, label.text, SIZE, label.color)
+        canvas.line(namespace, np.stack([label.point, begin]), 0.002, label.color)
+        canvas.text(namespace, middle, label.text, SIZE, label.color)
 
 
 def _near_limits(

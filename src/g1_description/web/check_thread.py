@@ -8,6 +8,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Callable, Optional, Tuple
 
+from g1_description.checks.arrows import ForceArrows, force_arrows
 from g1_description.checks.checker import Checker, LiveCheck
 from g1_description.motion.motion import Motion
 from g1_description.robot.description import Description
@@ -58,6 +59,8 @@ class CheckThread:
         self._states: dict[ShownRobot, tuple[RobotState, bool, RobotState | None]] = {}
         self._was_past: dict[ShownRobot, bool] = {}
         self._motions: dict[tuple[object, ShownRobot], _Request] = {}
+        self.forces: dict[tuple[object, ShownRobot], ForceArrows | None] = {}
+        """Contact forces of the motion that each owner had checked last."""
         threading.Thread(target=self._work, daemon=True).start()
 
     def check_motion(
@@ -79,6 +82,7 @@ class CheckThread:
             failed: Called by the UI loop on errors.
             scene: The objects around the robot; None: there are none.
         """
+        self.forces.pop((owner, robot), None)
         with self._lock:
             self._motions[owner, robot] = motion, then, failed, scene
             self._lock.notify()
@@ -144,8 +148,14 @@ class CheckThread:
         if scene:
             checker = checker.among(scene)
         verdict = checker.check(motion)
+        arrows = force_arrows(verdict)
         found = replace(verdict, measured=None)  # which needs much memory
-        self._ui.post(("motion", *key), lambda: then(found))
+
+        def show() -> None:
+            self.forces[key] = arrows
+            then(found)
+
+        self._ui.post(("motion", *key), show)
 
     def _state(
         self,

@@ -339,6 +339,7 @@ class Page:
         shown.show_commanded(view is not None and bool(view.ghost.value))
         if past is None:
             shown.trail(view is not None and bool(view.trails.value))
+        self._show_forces(shown, past)
         if view is None or view.checks.value:
             if shown.must_be_checked():
                 before = None if past is None else past.before
@@ -346,6 +347,17 @@ class Page:
         elif shown.is_checked:
             shown.unmark()
             self._found.clear()
+
+    def _show_forces(self, shown: Shown, past: Timeline | None) -> None:
+        """Show the contact forces of the open motion, or of the past, once checked."""
+        owner, player, time = self.motion, self.motion.player, 0.0
+        if past is not None and past.state is not None:
+            owner, time = self._history, past.state.time
+        elif player is not None:
+            time = player.time
+        forces = self._checks.forces.get((owner, shown.robot))
+        is_on = self._view is not None and bool(self._view.forces.value)
+        shown.show_forces(forces if is_on else None, time)
 
     def _past(self, robot: ShownRobot) -> Timeline | None:
         """Return the time line of a robot whose past is shown."""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from g1_description.checks.arrows import ForceArrows, draw_forces
 from g1_description.checks.marks import draw_marks, red_links
 from g1_description.checks.verdict import Verdict
 from g1_description.ik.posing import Posing
@@ -56,6 +57,7 @@ class Shown:
         self._ghost: SceneRobot | None = None
         self._trails = Trails(self._scene, f"{MAP}/trails/{self._name}", description)
         self._canvas = SceneMarks(self._scene, f"{MAP}/checks/{self._name}")
+        self._forces = SceneMarks(self._scene, f"{MAP}/forces/{self._name}")
         self._state: RobotState | None = None
         self._checked: RobotState | None = None
         self._marked: Verdict | None = None
@@ -94,6 +96,12 @@ class Shown:
             self._trails.add(state.time, state.base_pose, state.positions_by_name)
         else:
             self._trails.clear()
+
+    def show_forces(self, forces: ForceArrows | None, time: float) -> None:
+        """Show the contact forces at a time of a motion in [s]; None: show none."""
+        if forces is not None and self._state is not None:
+            draw_forces(self._forces, forces, self._state, time)
+        self._forces.show()
 
     @property
     def is_checked(self) -> bool:

@@ -63,6 +63,7 @@ class ViewPanel(Panel):
         self.ghost = self._switch("Commanded configuration", False)
         self.ghost.visible = self.world.has_commanded
         self.checks = self._switch("Checks", True)
+        self.forces = self._switch("Contact forces", False, self._fade)
         picture = gui.add_button("Save a picture", hint="of what you see, as PNG")
         picture.on_click(self._save)
         page = gui.add_button(
@@ -70,8 +71,8 @@ class ViewPanel(Panel):
             hint="the shown past, the open motion or the robot, as one HTML file",
         )
         page.on_click(self._share)
-        if self.world.can_arrange:
-            self._switch("Overlay", False, self._arrange)
+        self._overlay = self._switch("Overlay", False, self._arrange)
+        self._overlay.visible = self.world.can_arrange
 
     def hotkeys(self) -> list[Key]:
         """List its keys."""
@@ -85,8 +86,13 @@ class ViewPanel(Panel):
     def _arrange(self, is_overlay: bool) -> None:
         """Draw all robots at the same place, or next to each other."""
         self.world.arrange(beside=not is_overlay)
-        for robot in self._robots[1:]:
-            robot.fade(is_overlay)
+        self._fade()
+
+    def _fade(self, _: bool = False) -> None:
+        """Make robots translucent that would hide other robots, or their forces."""
+        for number, robot in enumerate(self._robots):
+            is_second = number > 0 and bool(self._overlay.value)
+            robot.fade(bool(self.forces.value) or is_second)
 
     def toggle_follow(self) -> None:
         """Follow the robot, or stop that."""

@@ -122,7 +122,7 @@ class SceneMarks:
             vertices=np.round(corners - middle, 5),
             position=middle,
             color=rgb(color),
-            opacity=alpha,
+            opacity=alpha if alpha < 1.0 else None,
         )
 
     def text(
