@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from g1_description.checks.arrows import force_arrows
 from g1_description.checks.marks import short_name, size_text, subject_text
 from g1_description.checks.rules import RULES
 from g1_description.checks.rules.forces import forces
@@ -212,6 +213,7 @@ def motion_data(
         "holds": _holds(description, motion, objects) if objects else [],
         "causes": [],
         "contacts": [],
+        "forces": None if verdict is None else _forces(verdict),
         "lines": [{"name": name, "unit": unit, **line} for name, unit, line in lines],
     }
     if verdict is not None:
@@ -224,6 +226,20 @@ def motion_data(
             for link, intervals in verdict.floor_contacts.items()
         ]
     return as_json(content)
+
+
+def _forces(verdict: Verdict) -> dict[str, str] | None:
+    """Write contact forces as arrows; None if they are not known."""
+    arrows = force_arrows(verdict)
+    if arrows is None:
+        return None
+    some = slice(None, None, -(-len(arrows.times) // MAX_SAMPLES))
+    too_much = np.where(arrows.is_missing[:, np.newaxis], arrows.missing, np.nan)
+    return {
+        "times": _encoded(arrows.times[some], "<f8"),
+        "arrows": _encoded(np.stack([arrows.starts, arrows.vectors], 2)[some], "<f4"),
+        "missing": _encoded(too_much[some], "<f4"),
+    }
 
 
 HEIGHT, CENTER, MISSING, FRICTION, FORCE, DEPTH = (

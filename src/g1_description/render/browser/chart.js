@@ -181,9 +181,7 @@ class Chart {
       }
     });
     g.stroke();
-    const row = rowBefore(this.times, time);
-    const near = time - this.times[row] > this.times[row + 1] - time ? row + 1 : row;
-    const value = this.values[near];
+    const value = this.values[nearest(this.times, time)];
     if (value === undefined || Number.isNaN(value)) return;
     g.fillStyle = COLOR.line;
     g.beginPath();
@@ -191,7 +189,7 @@ class Chart {
     g.fill();
     const isRight = this.x(time) > this.width - 120;
     g.textAlign = isRight ? "right" : "left";
-    const text = `${value.toFixed(3)} ${this.unit}`;
+    const text = `${value.toFixed(Math.abs(value) < 100 ? 3 : 1)} ${this.unit}`;
     const x = this.x(time) + (isRight ? -9 : 9);
     const size = g.measureText(text).width;
     g.fillStyle = "#ffffffd8";

@@ -40,6 +40,11 @@ const rowBefore = (times, time) => {
   return low;
 };
 
+const nearest = (times, time) => {
+  const row = rowBefore(times, time);
+  return time - times[row] > times[row + 1] - time ? row + 1 : row;
+};
+
 /** Intervals that overlap as one. */
 const joined = (intervals) => {
   const found = [];
@@ -62,6 +67,10 @@ class Motion {
     const optional = (text) => text && decode(text, Float32Array);
     this.velocities = optional(content.velocities);
     this.roots = optional(content.roots);
+    if (this.forces) {
+      const { times, arrows, missing } = this.forces;
+      this.forces = { times: decode(times, Float64Array), arrows: optional(arrows), missing: optional(missing) };
+    }
     this.begin = this.times[0];
     this.end = this.times[this.times.length - 1];
     this.isSingle = this.times.length === 1;
@@ -184,6 +193,21 @@ class Motion {
       const [first, last] = [Math.max(row - 1, 0), Math.min(row + 1, places.length - 1)];
       const [a, b] = [places[first], places[last]];
       return Math.hypot(b[0] - a[0], b[1] - a[1], b[2] - a[2]) / (this.times[last] - this.times[first]);
+    });
+  }
+
+  /** Contact forces at a time: starts and vectors of arrows; the last one is missing, with a text. */
+  arrows(time) {
+    if (!this.forces) return [];
+    const { times, arrows, missing } = this.forces;
+    const row = nearest(times, time);
+    const size = arrows.length / times.length;
+    const [force, moment] = missing.slice(2 * row, 2 * row + 2);
+    const text = Number.isNaN(force) ? "" : `${force.toFixed(0)} N and ${moment.toFixed(1)} N m are missing`;
+    return Array.from({ length: size / 6 }, (_, n) => {
+      const numbers = [...arrows.slice(row * size + 6 * n, row * size + 6 * n + 6)];
+      const isMissing = 6 * (n + 1) === size;
+      return { start: numbers.slice(0, 3), vector: numbers.slice(3), isMissing, text: isMissing ? text : "" };
     });
   }
 

@@ -85,18 +85,22 @@ const corners = (vertices, faces) => {
   return made;
 };
 
-const ball = () => {
+/** The surface of a profile, distances from and places along the z axis, that turns around it. */
+const lathe = (profile) => {
   const [points, faces] = [[], []];
-  for (let i = 0; i <= 8; i += 1) {
+  profile.forEach(([radius, height], i) => {
     for (let j = 0; j <= 16; j += 1) {
-      const [up, around] = [(Math.PI * i) / 8, (Math.PI * j) / 8];
-      points.push(Math.sin(up) * Math.cos(around), Math.sin(up) * Math.sin(around), Math.cos(up));
+      const around = (Math.PI * j) / 8;
+      points.push(radius * Math.cos(around), radius * Math.sin(around), height);
       const k = 17 * i + j;
-      if (i < 8 && j < 16) faces.push(k, k + 17, k + 1, k + 1, k + 17, k + 18);
+      if (i + 1 < profile.length && j < 16) faces.push(k, k + 17, k + 1, k + 1, k + 17, k + 18);
     }
-  }
+  });
   return corners(new Float32Array(points), faces);
 };
+const BALL = Array.from({ length: 9 }, (_, i) => [Math.sin((Math.PI * i) / 8), Math.cos((Math.PI * i) / 8)]);
+const SHAFT = [[0, 0], [1, 0], [1, 1], [0, 1]];
+const HEAD = [[0, 0], [1, 0], [0, 1]];
 
 /** Column-major matrix of a pose with a scale. */
 const matrix = (pose, scale = 1) => {
@@ -106,8 +110,23 @@ const matrix = (pose, scale = 1) => {
 const product = (a, b) => a.map((_, n) =>
   [0, 1, 2, 3].reduce((sum, k) => sum + a[4 * k + (n % 4)] * b[4 * Math.floor(n / 4) + k], 0));
 
+/** Matrix of what stands at a point along a vector: its radius, and its part of the vector. */
+const upright = (start, vector, radius, begin, end) => {
+  const length = Math.hypot(...vector);
+  const along = vector.map((part) => part / length);
+  const [x, y, z] = along;
+  const across = Math.abs(x) < 0.7 ? [0, z, -y] : [-z, 0, x];
+  const scale = radius / Math.hypot(...across);
+  const u = across.map((part) => part * scale);
+  const v = [y * u[2] - z * u[1], z * u[0] - x * u[2], x * u[1] - y * u[0]];
+  const from = start.map((part, n) => part + begin * along[n]);
+  return [...u, 0, ...v, 0, ...along.map((part) => part * (end - begin)), 0, ...from, 1];
+};
+
 const RED = [0.85, 0.05, 0.05, 1];
 const ORANGE = [0.95, 0.5, 0, 1];
+const BLUE = [0.1, 0.35, 0.9, 1];
+const SHORTEST = 0.01; // of arrows that are drawn, in m
 const NEAR = 0.6; // objects in this distance from the robot are in view, in m
 const LENS = Math.tan(0.25);
 
@@ -131,7 +150,7 @@ class Scene {
     this.gl = gl;
     this.solid = this.program(SOLID);
     this.floor = this.program(FLOOR);
-    this.ball = this.buffer(ball(), 6);
+    [this.ball, this.shaft, this.head] = [BALL, SHAFT, HEAD].map((profile) => this.buffer(lathe(profile), 6));
     this.square = this.buffer(new Float32Array([-1, -1, 0, 1, -1, 0, -1, 1, 0, 1, 1, 0]), 3);
     this.links = robot.links.length;
     this.vertices = [];
@@ -206,7 +225,7 @@ class Scene {
   }
 
   /** Draw; the camera looks at a target from yaw and pitch. */
-  draw(poses, red, balls, camera, floor, quality) {
+  draw(poses, red, balls, arrows, camera, floor, quality) {
     const { gl, canvas } = this;
     const ratio = Math.min(window.devicePixelRatio || 1, 2) * quality;
     const [width, height] = [canvas.clientWidth, canvas.clientHeight].map((side) =>
@@ -269,6 +288,17 @@ class Scene {
       gl.uniform4f(solid.color, ...color.slice(0, 3), alpha);
       gl.uniformMatrix4fv(solid.model, false, matrix([...center, 0, 0, 0, 1], radius));
       gl.drawArrays(gl.TRIANGLES, 0, this.ball.count);
+    }
+    for (const { start, vector, isMissing } of arrows) {
+      const length = Math.hypot(...vector);
+      if (!(length > SHORTEST)) continue;
+      const neck = length - Math.min(0.05, 0.5 * length);
+      gl.uniform4f(solid.color, ...(isMissing ? RED : BLUE).slice(0, 3), 0.85);
+      for (const [part, ...sizes] of [[this.shaft, 0.009, 0, neck], [this.head, 0.022, neck, length]]) {
+        gl.bindVertexArray(part.array);
+        gl.uniformMatrix4fv(solid.model, false, upright(start, vector, ...sizes));
+        gl.drawArrays(gl.TRIANGLES, 0, part.count);
+      }
     }
   }
 

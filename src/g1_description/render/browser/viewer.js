@@ -41,6 +41,8 @@ class Viewer {
     for (const [name, [yaw, pitch]] of Object.entries(VIEWS)) {
       make("button", views, { textContent: name, onclick: () => { this.frame(yaw, pitch); this.ask(); } });
     }
+    this.forces = make("button", views, { id: "forces", textContent: "Forces", title: "Contact forces, and what is missing in red" });
+    this.forces.onclick = () => { this.forces.classList.toggle("off"); this.ask(); };
     this.playButton.onclick = () => this.play(!this.playing);
     this.what.onchange = () => { this.chart.take(this.motion, this.what.value); this.ask(); };
     canvas.ondblclick = () => { this.frame(); this.ask(); };
@@ -60,6 +62,7 @@ class Viewer {
     this.buttons = [...section.querySelectorAll(".findings button")];
     this.buttons.forEach((button, n) => { button.onclick = () => this.choose(motion.causes[n]); });
     this.root.classList.toggle("single", motion.isSingle);
+    this.forces.hidden = !motion.forces;
     this.what.replaceChildren();
     const groups = new Map();
     const option = (group, value, text) => {
@@ -163,8 +166,9 @@ class Viewer {
     const now = motion.causes.flatMap((cause) => cause.findings).filter((found) => motion.isAt(found, time));
     const root = motion.root(time);
     const target = this.camera.target.map((value, n) => value + (n < 2 ? root[n] : 0));
-    this.scene.draw(this.poses, new Set(now.flatMap((found) => found.red)), balls, { ...this.camera, target }, this.floor, quality);
-    this.label(balls);
+    const arrows = this.forces.classList.contains("off") ? [] : motion.arrows(time);
+    this.scene.draw(this.poses, new Set(now.flatMap((found) => found.red)), balls, arrows, { ...this.camera, target }, this.floor, quality);
+    this.label([...balls, ...arrows.map(({ start, text }) => ({ center: start, label: text, failed: true }))]);
   }
 
   /** The balls of a cause's findings at a time; the first one has the label. */
