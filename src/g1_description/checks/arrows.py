@@ -7,13 +7,17 @@ from typing import NamedTuple
 
 import numpy as np
 
+from g1_description.checks.checker import Checker
 from g1_description.checks.marks import RED, Canvas, Color, Label, write_labels
 from g1_description.checks.rules.forces import CONTACT_FORCES, forces
 from g1_description.checks.verdict import Verdict
+from g1_description.errors import MotionError
 from g1_description.motion.motion import Motion, sample
+from g1_description.robot.description import Description
 from g1_description.robot.rotation import rotate
 from g1_description.robot.state import RobotState
 from g1_description.robot.transform import compose, inverse
+from g1_description.scenes.scene import Scene
 
 BLUE = (0.1, 0.35, 0.9)
 """Forces; what is missing is red."""
@@ -169,6 +173,29 @@ def force_arrows(verdict: Verdict) -> ForceArrows | None:
         np.linalg.norm(missing, axis=2),
         CONTACT_FORCES.exceeds(found.missing_share, least),
     )
+
+
+def motion_arrows(
+    robot: Description, motion: Motion, scene: Scene | None = None
+) -> ForceArrows:
+    """Find the contact forces of a motion.
+
+    Args:
+        robot: The robot.
+        motion: Its motion.
+        scene: The objects around it; None: none.
+
+    Raises:
+        MotionError: If they are not known.
+        UnknownNameError: If an object is attached to a link that is not there.
+    """
+    checker = Checker(robot).among(scene or None)
+    verdict = checker.check(motion, [CONTACT_FORCES.name])
+    found = force_arrows(verdict)
+    if found is None:
+        (why,) = verdict.skipped.values()
+        raise MotionError(f"Contact forces are unknown: {why}.")
+    return found
 
 
 def draw_forces(

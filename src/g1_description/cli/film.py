@@ -15,6 +15,7 @@ from typing import Callable, Dict, Iterator, NamedTuple, Optional, Tuple
 import numpy as np
 from PIL import Image
 
+from g1_description.checks.arrows import Arrow
 from g1_description.cli.start import is_shut_down
 from g1_description.errors import InvalidValueError
 from g1_description.files.atomic import write_whole
@@ -186,6 +187,9 @@ class Moment(NamedTuple):
     objects: Mapping[str, np.ndarray] = {}
     """T_map_object, shape (7,), by name."""
 
+    forces: Sequence[Arrow] = ()
+    """Contact forces, which are drawn on top."""
+
 
 def frame(
     scene: Picture,
@@ -228,6 +232,16 @@ def place(scene: Picture, moment: Moment) -> None:
         scene.place(number, IDENTITY if root is None else root, positions)
     if moment.objects:
         scene.move(len(moment.robots), moment.objects)
+
+
+def forces_of(moment: Moment) -> Picture | None:
+    """Return what is drawn on top; None: nothing."""
+    if not moment.forces:
+        return None
+    on_top = Picture()
+    for arrow in moment.forces:
+        on_top.add_triangles(arrow.corners(), arrow.color)
+    return on_top
 
 
 def motion_of(robot: Description, placed: PlacedRobot) -> Motion:

@@ -13,6 +13,7 @@ from typing import Collection, Sequence
 
 import numpy as np
 
+from g1_description.checks.arrows import motion_arrows
 from g1_description.choices import DEFAULT
 from g1_description.cli import options
 from g1_description.cli.film import (
@@ -23,6 +24,7 @@ from g1_description.cli.film import (
     count,
     drawn,
     film,
+    forces_of,
     frame,
     motion_of,
     place,
@@ -102,6 +104,7 @@ EXCLUDED = {
     "namespace": {"--model", "--motion"},
     "joints": {RUNNING},
     "scene": {RUNNING},
+    "forces": {"a page", RUNNING, "--model"},
     **dict.fromkeys(
         ("motion_fps", "motion_topic", "motion_order", "motion_format"),
         frozenset({RUNNING, "--model"}),
@@ -163,6 +166,9 @@ class SnapshotOptions:
     time: float | None = option(
         "time of the motion that a picture shows [s]", None, number, shown="its begin"
     )
+    forces: bool = option(
+        "draw the contact forces of the motion, and in red what is missing", False
+    )
     gif: bool = option("write an animation; implied by .gif and .mp4", False)
     seconds: float | None = option(
         "duration of the animation [s], at most 60",
@@ -203,7 +209,7 @@ class SnapshotOptions:
         shown = "--motion" if self.motion else "--model" if self.model else RUNNING
         for name, uses in EXCLUDED.items():
             for one in (output, shown):
-                if getattr(self, name) is not None and one in uses:
+                if getattr(self, name) not in (None, False) and one in uses:
                     flag = f"--{name.replace('_', '-')}"
                     raise InvalidValueError(f"{flag} does not apply to {one}")
         if self.is_film and shown == "--model":
@@ -266,7 +272,7 @@ def draw_all(
 
     def picture(n: int) -> np.ndarray:
         place(scene, moments[n])
-        return draw(scene, camera, *args.size, floor)
+        return draw(scene, camera, *args.size, floor, forces_of(moments[n]))
 
     if args.out.suffix.lower() == ".mp4":
         write_video(args.out, drawn(len(moments), picture), args.size, args.fps)
@@ -294,16 +300,21 @@ def draw_file(args: SnapshotOptions) -> None:
     if scene:
         links = motion_links(robot, motion)
         poses = object_poses(holds_of(scene.values(), robot, links), times, links)
+    forces = motion_arrows(robot, motion, scene) if args.forces else None
     moments = [
         Moment(
             [placed(robot, None if bases is None else bases[number], row)],
             dict(zip(scene, poses[number])),
+            forces.at(times[number]) if forces else (),
         )
         for number, row in enumerate(
             dict(zip(motion.joint_names, row)) for row in found.positions.tolist()
         )
     ]
     draw_all([robot], moments, args, [*scene.values()])
+    missing = forces.text(times[0]) if forces and not args.is_film else ""
+    if missing:
+        notify(f"{missing} at {times[0]:g} s.")
 
 
 def write_page(args: SnapshotOptions) -> None:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from g1_description.render.backdrop import backdrop, blur
 from g1_description.render.camera import NEAREST, Camera, Crop, crop_around
 from g1_description.render.patches import GREY, object_shapes, shape_parts
 from g1_description.render.rasterizer import NOTHING, nearest, touching, weights
@@ -20,18 +21,6 @@ from g1_description.sim.meshes.shapes import find_meshes, is_there
 
 AMBIENT, DIFFUSE = 0.75, 0.55
 """Coefficients of ambient and diffuse light."""
-
-AIR = np.array([[0.99, 0.99, 0.995], [0.91, 0.925, 0.94]])
-"""Colours of the top and the bottom of a picture, from 0 to 1."""
-
-CELL = 0.25
-"""Width of a cell of the grid, in [m]."""
-
-LINE = 0.004
-"""Width of a line of the grid, in [m]."""
-
-LINES_DARKEN, SHADOW_DARKENS = 0.13, 0.42
-"""Darkening of the floor by lines and shadows."""
 
 SUPERSAMPLING = 3
 """Pixels drawn for one pixel of the picture, in each direction."""
@@ -141,16 +130,11 @@ class Picture:
         """Add shapes by the name of what they move with; return what is left out."""
         meshes, left_out = find_meshes(s for some in shapes.values() for s in some)
         normals, counts = [self._normals], []
-        choices = np.indices((2, 2, 2)).reshape(3, 8).T
         for link, shape in ((link, s) for link, some in shapes.items() for s in some):
             if not is_there(shape, meshes):
                 continue
             for part in shape_parts(shape, meshes.get(shape.filename)):
-                corners = np.ascontiguousarray(part.corners.T)
-                box = np.array([corners.min(axis=(1, 2)), corners.max(axis=(1, 2))])
-                box = box[choices, np.arange(3)]
-                color = part.color or GREY
-                self._pieces.append(_Piece(number, link, corners, box, color))
+                self._add_piece(number, link, part.corners, part.color or GREY)
                 normals.append(part.normals)
                 counts.append(len(part.normals))
         new = np.arange(len(self._pieces) - len(counts), len(self._pieces))
@@ -158,6 +142,27 @@ class Picture:
         self._piece_of = np.concatenate([self._piece_of, np.repeat(new, counts)])
         self._poses.append({})
         return left_out
+
+    def _add_piece(
+        self, number: int, link: str, triangles: np.ndarray, color: tuple[float, ...]
+    ) -> None:
+        """Add triangles with corners of shape (n, 3, 3), but not their normals."""
+        corners = np.ascontiguousarray(triangles.T)
+        box = np.array([corners.min(axis=(1, 2)), corners.max(axis=(1, 2))])
+        choices = np.indices((2, 2, 2)).reshape(3, 8).T
+        box = box[choices, np.arange(3)]
+        self._pieces.append(_Piece(number, link, corners, box, color))
+
+    def add_triangles(self, corners: np.ndarray, color: tuple[float, ...]) -> None:
+        """Add triangles with corners in the world, in [m], shape (3 n, 3)."""
+        triangles = corners.reshape(-1, 3, 3)
+        sides = triangles[:, 1:] - triangles[:, :1]
+        normals = np.cross(sides[:, 0], sides[:, 1])[:, np.newaxis]
+        self._normals = np.concatenate([self._normals, np.repeat(normals, 3, axis=1)])
+        new = np.full(len(triangles), len(self._pieces))
+        self._piece_of = np.concatenate([self._piece_of, new])
+        self._add_piece(len(self._poses), "", triangles, color)
+        self._poses.append({"": IDENTITY})
 
     def place(
         self, robot: int, T_world_root: np.ndarray, positions: Mapping[str, float]
@@ -294,94 +299,13 @@ class Picture:
         return np.concatenate(found, axis=2), np.concatenate(numbers)
 
 
-def backdrop(
+def draw(
+    scene: Picture,
     camera: Camera,
     width: int,
     height: int,
-    floor: float,
-    shadow: tuple[Camera, np.ndarray],
-) -> np.ndarray:
-    """Draw the background and the floor.
-
-    Args:
-        camera: The camera.
-        width: Width of the picture, in pixels.
-        height: Height of the picture, in pixels.
-        floor: Height of the floor in the world, in [m].
-        shadow: Camera at the lamp, and the blocked fraction of its light in each of its
-            pixels, from 0 to 1, shape (n, m).
-
-    Returns:
-        Colours from 0 to 1, shape (height, width, 3).
-    """
-    blend = np.linspace(0.0, 1.0, height)[:, np.newaxis, np.newaxis]
-    air = AIR[0] + (AIR[1] - AIR[0]) * blend + np.zeros((1, width, 1))
-    eye, rays = camera.rays(width, height)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        way = (floor - eye[2]) / rays[..., 2]
-        is_floor = (way > 0.0) & (way < 20.0)
-    points = eye + np.where(is_floor, way, 1.0)[..., np.newaxis] * rays
-    darker = LINES_DARKEN * _grid(points, is_floor)
-    darker = 1.0 - (1.0 - darker) * (1.0 - SHADOW_DARKENS * _shadow_at(points, *shadow))
-    across = np.linalg.norm(points[..., :2] - camera.target[:2], axis=-1)
-    fade = np.where(is_floor, np.exp(-((across / camera.width) ** 2)), 0.0)
-    return air * (1.0 - fade * darker)[..., np.newaxis]
-
-
-def _grid(points: np.ndarray, is_floor: np.ndarray) -> np.ndarray:
-    """Compute the fraction of each pixel that grid lines cover."""
-    clear = np.ones(points.shape[:2])
-    for axis in (0, 1):
-        values = points[..., axis]
-        pixel = np.hypot(*np.gradient(values)) + 1e-9
-        off = np.abs(values - CELL * np.round(values / CELL))
-        line = np.maximum(LINE, pixel)
-        covered = np.clip(0.5 + (line / 2 - off) / pixel, 0.0, 1.0) * LINE / line
-        clear *= 1.0 - np.where(pixel < CELL / 2, covered, 0.0)
-    return np.where(is_floor, 1.0 - clear, 0.0)
-
-
-def _shadow_at(points: np.ndarray, lamp: Camera, shadow_mask: np.ndarray) -> np.ndarray:
-    """Compute the fraction of the lamp's light that robots block.
-
-    Args:
-        points: In the world, in [m], shape (height, width, 3).
-        lamp: Camera at the lamp.
-        shadow_mask: Blocked fraction in each of its pixels, shape (n, m).
-    """
-    n, m = shadow_mask.shape
-    seen = lamp.seen(points.reshape(-1, 3)) * m
-    column, row = seen[:, 0] + m / 2 - 0.5, n / 2 - 0.5 - seen[:, 1]
-    inside = (column >= 0) & (column < m - 1) & (row >= 0) & (row < n - 1)
-    column, row = np.where(inside, column, 0.0), np.where(inside, row, 0.0)
-    i, j = row.astype(int), column.astype(int)
-    down, right = row - i, column - j
-    top = shadow_mask[i, j] * (1 - right) + shadow_mask[i, j + 1] * right
-    bottom = shadow_mask[i + 1, j] * (1 - right) + shadow_mask[i + 1, j + 1] * right
-    fractions = np.where(inside, top * (1 - down) + bottom * down, 0.0)
-    return fractions.reshape(points.shape[:2])
-
-
-def blur(fractions: np.ndarray, reach: int) -> np.ndarray:
-    """Blur a picture with a box filter, three times.
-
-    Args:
-        fractions: Shape (n, m).
-        reach: Half of the square's side, in pixels.
-
-    Returns:
-        Shape (n, m); pixels outside count as 0.
-    """
-    side = 2 * reach + 1
-    for _ in range(3):
-        for _ in ("down", "across"):
-            sums = np.cumsum(np.pad(fractions, ((reach + 1, reach), (0, 0))), axis=0)
-            fractions = ((sums[side:] - sums[:-side]) / side).T
-    return fractions
-
-
-def draw(
-    scene: Picture, camera: Camera, width: int, height: int, floor: float = 0.0
+    floor: float = 0.0,
+    on_top: Picture | None = None,
 ) -> np.ndarray:
     """Draw a scene on a floor.
 
@@ -393,6 +317,7 @@ def draw(
         width: Width of the picture, in pixels.
         height: Height of the picture, in pixels.
         floor: Its height in the world, in [m].
+        on_top: What is drawn over the robots, without a shadow; None: nothing.
 
     Returns:
         Colours as uint8, shape (height, width, 3).
@@ -402,22 +327,25 @@ def draw(
     lamp = Camera(camera.target, camera.yaw + LAMP[0], LAMP[1], reach)
     is_seen = silhouette(scene, lamp, LAMP_PIXELS, LAMP_PIXELS) != NOTHING
     shadow = lamp, blur(is_seen.astype(float), SHADOW_BLUR)
-    behind = 255.0 * backdrop(camera, width, height, floor, shadow)
+    pixels = 255.0 * backdrop(camera, width, height, floor, shadow)
+    for one in (scene,) if on_top is None else (scene, on_top):
+        _paint(pixels, one, camera, lamp.axes[2])
+    return np.clip(np.round(pixels), 0, 255).astype(np.uint8)
+
+
+def _paint(
+    pixels: np.ndarray, scene: Picture, camera: Camera, light: np.ndarray
+) -> None:
+    """Draw a scene over the pixels of a picture, shape (height, width, 3)."""
+    height, width = pixels.shape[:2]
     crop = scene.crop(camera, width, height)
     rows, columns = (
         slice(SUPERSAMPLING * part.start, SUPERSAMPLING * part.stop) for part in crop
     )
-    colors, robots = scene.render(
-        camera,
-        SUPERSAMPLING * width,
-        SUPERSAMPLING * height,
-        (rows, columns),
-        lamp.axes[2],
-    )
+    size = SUPERSAMPLING * width, SUPERSAMPLING * height
+    colors, robots = scene.render(camera, *size, (rows, columns), light)
     seen = (robots != NOTHING)[..., np.newaxis]
-    clear = 1.0 - _downsampled(seen)
-    behind[crop] = behind[crop] * clear + _downsampled(colors)
-    return np.clip(np.round(behind), 0, 255).astype(np.uint8)
+    pixels[crop] = pixels[crop] * (1.0 - _downsampled(seen)) + _downsampled(colors)
 
 
 def silhouette(scene: Picture, camera: Camera, width: int, height: int) -> np.ndarray:
