@@ -79,6 +79,9 @@ HALF = 0.42
 MOST_BEYOND = 1.35
 """A joint is drawn up to this multiple of its limits."""
 
+MOST_SHARE = 1.5
+"""Friction and missing forces are drawn up to this."""
+
 MAX_LABEL = 52
 """Longest label of a row, in characters."""
 
@@ -201,6 +204,14 @@ def _panels(
             "vertical contact forces [N]",
             LINES,
             _forces_panel,
+            ("contact_forces",),
+        ),
+        (
+            "contact_forces" in verdict.checked,
+            "friction needed; contact force that is missing, as a fraction of the "
+            "weight",
+            0.75 * LINES,
+            _missing_panel,
             ("contact_forces",),
         ),
         (
@@ -425,16 +436,28 @@ def _margins_panel(axes: Axes, measured: Measured, _: Verdict) -> None:
 
 
 def _forces_panel(axes: Axes, measured: Measured, verdict: Verdict) -> None:
-    """Draw vertical forces on links that are ever in contact, and missing ones."""
+    """Draw vertical forces on links that are ever in contact."""
     found = measured.once(forces)
     colors = (BLUE, PURPLE, GREEN, GREY)
     for color, link in zip(colors, verdict.floor_contacts):
         x, y = thinned(found.times, found.forces[:, found.links.index(link), 2])
         axes.plot(x, y, color=color, lw=1.0, label=link.replace("_link", ""))
-    missing = np.linalg.norm(found.missing[:, :3], axis=1)
-    x, y = thinned(found.times, missing)
-    axes.plot(x, y, color=RED, lw=1.0, label="missing")
     axes.axhline(0.0, color="black", lw=0.6)
+    if verdict.floor_contacts:
+        _line_legend(axes)
+
+
+def _missing_panel(axes: Axes, measured: Measured, _: Verdict) -> None:
+    """Draw the friction that is needed, that of the links, and what is missing."""
+    found = measured.once(forces)
+    for values, color, style, label in (
+        (found.available_friction, GREY, "--", "friction available"),
+        (found.friction, BLUE, "-", "friction needed"),
+        (found.missing_share, RED, "-", "missing"),
+    ):
+        x, y = thinned(found.times, np.where(np.isfinite(values), values, np.nan))
+        axes.plot(x, y, color=color, ls=style, lw=1.0, label=label)
+    axes.set_ylim(0.0, _range(axes, 0.0, MOST_SHARE, span=0.5)[1])
     _line_legend(axes)
 
 
