@@ -16,7 +16,9 @@ from geometry_msgs.msg import Point
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
+from g1_description.checker.forces import LiveForces
 from g1_description.checker.parameters import CheckerParameters, base_frame
+from g1_description.checks.arrows import draw_forces
 from g1_description.checks.marks import RED, Color, draw_marks, red_links
 from g1_description.checks.verdict import Verdict
 from g1_description.robot.description import Description, Shape
@@ -165,25 +167,33 @@ class LiveMarkers:
         )
         rospy.on_shutdown(self._clear)
 
-    def show(self, state: RobotState, verdict: Verdict) -> None:
-        """Show the findings of a state."""
-        self._newest = state, verdict
+    @property
+    def is_seen(self) -> bool:
+        """Whether anyone receives markers."""
+        return bool(self._topic.get_num_connections())
+
+    def show(self, state: RobotState, verdict: Verdict, forces: LiveForces) -> None:
+        """Show the findings of a state, and contact forces."""
+        self._newest = state, verdict, forces
 
     def keep_up(self) -> None:
         """Send new markers, and all of them to new subscribers and periodically."""
-        if self._newest is None or not self._topic.get_num_connections():
+        if self._newest is None or not self.is_seen:
             self._content, self._shown = None, {}
             return
-        state, verdict = self._newest
+        state, verdict, forces = self._newest
         place = None if state.base_pose is None else state.base_pose.tobytes()
         content = verdict.measured.positions.tobytes(), place, verdict.checked
-        content = *content, verdict.findings  # objects move, too
+        pushes = [np.round(arrow.vector, 3).tolist() for arrow in forces.arrows]
+        content = *content, verdict.findings, pushes  # objects move, too
         stamp = stamp_from_ns(state.stamp)
         if content != self._content:
             self._content = content
             frame = self._base_frame if state.base_pose is None else self._map
             canvas = MarkerMaker(frame, stamp)
             draw_marks(canvas, verdict, self._limit_margin)
+            if state.base_pose is not None:
+                draw_forces(canvas, forces.arrows, forces.text, state.base_pose)
             self._send(self._link_markers(red_links(verdict)), canvas.markers)
         self._topic.flush()
         is_due = time.monotonic() - self._refreshed > REFRESH_PERIOD

@@ -24,6 +24,7 @@ import rospy
 from diagnostic_msgs.msg import DiagnosticStatus
 from diagnostic_updater import Updater
 
+from g1_description.checker.forces import LiveForces
 from g1_description.checker.markers import LiveMarkers
 from g1_description.checker.objects import CheckedObjects, CheckerAmongObjects
 from g1_description.checker.parameters import (
@@ -176,6 +177,7 @@ class LiveChecks:
         self._states, self._markers = states, markers
         self._period = 1.0 / rate
         self._check = LiveCheck(checker.newest()[0])
+        self._forces = LiveForces()
         self._health = CheckHealth()
         self.newest: RobotState | None = None
         """The last state; None before the first one."""
@@ -214,11 +216,15 @@ class LiveChecks:
             if self._states.began_again.is_set():
                 self._states.began_again.clear()
                 self._check.begin_again()
+                self._forces.begin_again()
             with self._lock:
                 checker, objects = self._checker.newest()
                 if checker is not self._check.checker:
                     self._check = LiveCheck(checker)
                 verdict = self._check.check(state, objects)
+                self._forces.add(state)
+                if self._markers.is_seen:
+                    self._forces.find(checker, objects)
         except G1DescriptionError as error:
             self._health.refuse(str(error))
             return
@@ -229,7 +235,7 @@ class LiveChecks:
             }
             verdict = replace(verdict, skipped=skipped)
         self._health.add(verdict)
-        self._markers.show(state, verdict)
+        self._markers.show(state, verdict, self._forces)
 
 
 def make_collisions(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -69,9 +70,9 @@ class Arrow(NamedTuple):
         radius = np.array([0.0, SHAFT, SHAFT, HEAD, 0.0])[:, np.newaxis, np.newaxis]
         rings = self.start + way * along + radius * ring  # (5, SIDES + 1, 3)
         below, above = rings[:-1], rings[1:]
-        sides = below[:, :-1], below[:, 1:], above[:, 1:]
-        sides += below[:, :-1], above[:, 1:], above[:, :-1]
-        return np.stack(sides, axis=2).reshape(-1, 3)
+        one = below[:, :-1], below[:, 1:], above[:, 1:]
+        other = below[:, :-1], above[:, 1:], above[:, :-1]
+        return np.stack([*one, *other], axis=2).reshape(-1, 3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,19 +200,17 @@ def motion_arrows(
 
 
 def draw_forces(
-    canvas: Canvas, arrows: ForceArrows, state: RobotState, time: float
+    canvas: Canvas, arrows: Sequence[Arrow], text: str, base: np.ndarray
 ) -> None:
-    """Draw the contact forces of a motion on a robot.
+    """Draw contact forces.
 
     Args:
         canvas: In the map frame.
         arrows: The forces.
-        state: Where the robot is; nothing is drawn if it is not posed as in the motion.
-        time: Time of the motion in [s].
+        text: What is missing; may be empty.
+        base: Where the robot is, to which the text belongs: T_map_base, shape (7,).
     """
-    shown, text = arrows.on(state, time), arrows.text(time)
-    for arrow in shown:
+    for arrow in arrows:
         canvas.triangles(FORCES, arrow.corners(), arrow.color, 1.0)
-    if shown and text and state.base_pose is not None:
-        label = Label(state.base_pose[:3], text, RED)
-        write_labels(canvas, FORCES, [label], state.base_pose)
+    labels = [Label(base[:3], text, RED)] if text else []
+    write_labels(canvas, FORCES, labels, base)

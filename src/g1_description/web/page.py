@@ -350,14 +350,14 @@ class Page:
 
     def _show_forces(self, shown: Shown, past: Timeline | None) -> None:
         """Show the contact forces of the open motion, or of the past, once checked."""
-        owner, player, time = self.motion, self.motion.player, 0.0
+        forces, player = None, self.motion.player
+        owner: tuple[object, ShownRobot] = self.motion, shown.robot
+        time = 0.0 if player is None else player.time
         if past is not None and past.state is not None:
-            owner, time = self._history, past.state.time
-        elif player is not None:
-            time = player.time
-        forces = self._checks.forces.get((owner, shown.robot))
-        is_on = self._view is not None and bool(self._view.forces.value)
-        shown.show_forces(forces if is_on else None, time)
+            owner, time = (self._history, shown.robot), past.state.time
+        if self._view is not None and self._view.forces.value:
+            forces = self._checks.forces.get(owner)
+        shown.show_forces(forces, time)
 
     def _past(self, robot: ShownRobot) -> Timeline | None:
         """Return the time line of a robot whose past is shown."""

@@ -99,8 +99,10 @@ class Shown:
 
     def show_forces(self, forces: ForceArrows | None, time: float) -> None:
         """Show the contact forces at a time of a motion in [s]; None: show none."""
-        if forces is not None and self._state is not None:
-            draw_forces(self._forces, forces, self._state, time)
+        state = self._state
+        shown = forces.on(state, time) if forces and state is not None else []
+        if forces and shown and state is not None and state.base_pose is not None:
+            draw_forces(self._forces, shown, forces.text(time), state.base_pose)
         self._forces.show()
 
     @property
