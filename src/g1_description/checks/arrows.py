@@ -86,12 +86,9 @@ class ForceArrows:
     times: np.ndarray
     """In [s], shape (n,)."""
 
-    links: tuple[str, ...]
-    """Those on which the floor pushes at any time."""
-
     starts: np.ndarray
-    """Centres of pressure of these links, and last the point of the floor below
-    the centre of mass, in [m], shape (n, n_links + 1, 3)."""
+    """Centres of pressure of the links on which the floor ever pushes, and last the
+    point of the floor below the centre of mass, in [m], shape (n, n_links + 1, 3)."""
 
     vectors: np.ndarray
     """Forces on these links, and last the missing force, each as an arrow in [m], shape
@@ -168,7 +165,6 @@ def force_arrows(verdict: Verdict) -> ForceArrows | None:
     return ForceArrows(
         measured.motion,
         found.times,
-        tuple(np.array(found.links)[columns].tolist()),
         starts,
         LENGTH / found.weight[:, np.newaxis, np.newaxis] * vectors,
         np.linalg.norm(missing, axis=2),

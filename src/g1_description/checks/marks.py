@@ -95,7 +95,7 @@ def places(
     left = rotate(base[3:], np.array([0.0, 1.0, 0.0]))
     left[2] = 0.0
     left /= max(float(np.linalg.norm(left)), 1e-6)
-    sides = [float((label.point - base[:3]) @ left) >= 0.0 for label in labels]
+    sides = [float((label.point - base[:3]) @ left) >= -ROUNDING for label in labels]
     heights = np.array([float(label.point[2]) for label in labels])
     for side in (False, True):
         rows = [row for row in np.argsort(heights) if sides[row] == side]
@@ -134,7 +134,7 @@ ABOVE = 0.004
 """Height above the floor of marks on it, in [m]."""
 
 ROUNDING = 1e-9
-"""Excess of a position over a limit that is no more than rounding, in [rad] or [m]."""
+"""What is no more than rounding, in [rad] or [m]."""
 
 BALANCE, SUPPORT, LIMITS = "centre of mass", "support polygon", "joint limits"
 LABELS = "labels"

@@ -208,8 +208,9 @@ class SnapshotOptions:
         output = ANIMATION if self.is_film else "a page" if self.is_page else PICTURE
         shown = "--motion" if self.motion else "--model" if self.model else RUNNING
         for name, uses in EXCLUDED.items():
+            value = getattr(self, name)
             for one in (output, shown):
-                if getattr(self, name) not in (None, False) and one in uses:
+                if value is not None and value is not False and one in uses:
                     flag = f"--{name.replace('_', '-')}"
                     raise InvalidValueError(f"{flag} does not apply to {one}")
         if self.is_film and shown == "--model":
