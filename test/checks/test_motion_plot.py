@@ -15,6 +15,7 @@ from g1_description.checks.checker import Checker
 from g1_description.checks.plot import (
     COLORS,
     MAX_BINS,
+    RED,
     bars,
     in_limits,
     motion_plot,
@@ -68,6 +69,28 @@ def test_a_picture_shows_what_failed_and_is_the_same_again(checker):
 )
 def test_any_motion_is_drawn(checker, trajectory):
     assert drawn(checker, trajectory).startswith(b"\x89PNG")
+
+
+def test_missing_forces_are_drawn_as_far_as_they_are_known():
+    times, known = np.arange(100.0), np.full(100, 0.4)
+    reds = []
+    for missing in (known, np.full(100, np.nan)):
+        found = SimpleNamespace(
+            times=times,
+            available_friction=np.full(100, np.inf),
+            friction=known,
+            missing_share=missing,
+        )
+        measured = SimpleNamespace(
+            times=times,
+            joint_names=(),
+            heights=None,
+            balance=None,
+            once=lambda _, found=found: found,
+        )
+        verdict = Verdict("r", checked=("contact_forces",), measured=measured)
+        reds.append(count(motion_plot("a.csv", verdict, ()), RED))
+    assert reds[0] > reds[1] + 500
 
 
 @pytest.mark.parametrize("number", range(3))

@@ -101,6 +101,8 @@ def arm(tmp_path_factory):
         ),
         (["a.png", "--model", "arm", "--joints", f"{ELBOW}=99"], "must be from -3"),
         (["a.png", "--model", TREE], "Nothing to draw"),
+        (["a.png", "--model", OURS, "--forces"], "--forces does not apply to --model"),
+        (["a.html", "--motion", MOTION, "--forces"], "--forces does not apply to a p"),
     ],
 )
 def test_what_is_wrong_is_told_in_one_sentence_and_writes_nothing(
@@ -174,6 +176,22 @@ def test_a_picture_shows_a_motion_of_the_g1_at_one_time(tmp_path, snapshot, caps
     assert (reds[0] != reds[1]).any()  # it walks with the robot
     np.testing.assert_array_equal(first, begin)
     assert (np.abs(begin - end).max(axis=2) > 30).sum() > 50
+
+
+def test_contact_forces_are_drawn_on_top_of_the_robot(tmp_path, snapshot, capsys):
+    file, out = tmp_path / "hover.csv", tmp_path / "a.png"
+    names = "left_knee_joint,base_x,base_y,base_z,base_qx,base_qy,base_qz,base_qw"
+    reds, blues = [], []
+    for height in (0.793, 1.0):
+        rows = [f"{0.02 * k:.2f},0,0,0,{height},0,0,0,1" for k in range(50)]
+        file.write_text("\n".join([f"time,{names}", *rows]))
+        given = ("--motion", file, "--time", "0.5", "--size", "240x320")
+        snapshot(out, *given, "--view", "front", "--forces")
+        red, green, blue = np.moveaxis(np.array(Image.open(out)).astype(int), 2, 0)
+        reds.append((red - np.maximum(green, blue) > 90).sum())
+        blues.append((blue - np.maximum(red, green) > 90).sum())
+    assert min(blues[0], reds[1]) > 100 and blues[1] == reds[0] == 0
+    assert "344 N and 0.0 N m are missing at 0.5 s." in capsys.readouterr().err
 
 
 @pytest.fixture

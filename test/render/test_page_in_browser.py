@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from support import browser
 
 from g1_description import Robot
+from g1_description.checks.arrows import force_arrows
 from g1_description.checks.report import FileResult
 from g1_description.checks.verdict import Verdict
 from g1_description.motion.motion import Motion, sample
@@ -197,6 +198,40 @@ def red_pixels(page):
     return int((pixels[..., 0] - pixels[..., 1:].max(axis=-1) > 90).sum())
 
 
+def test_contact_forces_are_drawn_where_they_act_and_hidden_by_a_button(page, faulty):
+    motion, verdict = faulty
+    time = float(motion.times[60])
+    given = force_arrows(verdict).at(time)
+    drawn = page.raw.evaluate("(time) => viewer.motion.arrows(time)", time + 0.004)
+    for arrow, one in zip(given, drawn):
+        assert one["start"] == pytest.approx(arrow.start.tolist(), abs=1e-6)
+        assert one["vector"] == pytest.approx(arrow.vector.tolist(), abs=1e-6)
+    assert [one["isMissing"] for one in drawn] == [False, False, True]
+
+    def blue_pixels():
+        page.raw.evaluate("(time) => { viewer.show(time); viewer.draw(1); }", time)
+        pixels = page.picture()[:450, :500].astype(int)
+        return int((pixels[..., 2] - pixels[..., :2].max(axis=-1) > 90).sum())
+
+    assert blue_pixels() > 150
+    page.raw.locator("#forces").click()
+    assert blue_pixels() == 0
+    page.raw.locator("#forces").click()
+
+
+def test_the_page_says_how_much_is_missing(opened, robot):
+    times = np.arange(0.0, 1.0, 0.02)
+    rows = np.zeros((len(times), len(robot.joint_names)))
+    high = np.tile([0.0, 0.0, 1.2, 0.0, 0.0, 0.0, 1.0], (len(times), 1))
+    motion = Motion(times, tuple(robot.joint_names), rows, None, high)
+    page = opened(motion_page(robot.description, motion, robot.check(motion)))
+    page.raw.evaluate("viewer.show(0.5); viewer.draw(1)")
+    assert "344 N and 0.0 N m are missing" in page.text()
+    assert red_pixels(page) > 100
+    page.raw.evaluate("viewer.show(0); viewer.draw(1)")  # accelerations are not known
+    assert "are missing" not in page.raw.locator("#scene").inner_text()
+
+
 def test_a_drag_in_the_plot_moves_the_time_and_it_plays(page):
     box = page.raw.locator("#chart canvas").bounding_box()
     left, right = box["x"] + 58, box["x"] + box["width"] - 12
@@ -312,7 +347,8 @@ def test_several_files_have_a_table_that_is_sorted(chromium, robot, faulty, tmp_
     page.wait_for(lambda: page.raw.evaluate(DRAWN), "the robot")
     assert page.raw.locator(".findings button:visible").count() == len(verdict.causes)
     page.raw.locator(".back:visible").click()
-    assert page.raw.locator("#overview").is_visible()
+    overview = page.raw.locator("#overview")
+    page.wait_for(overview.is_visible, "the table")
     page.raw.locator("a[href='#file3']").click()
     assert page.raw.locator("section:visible h2").inner_text() == "c passed"
     assert not page.raw.locator("#viewer").is_visible()
