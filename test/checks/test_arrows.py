@@ -61,12 +61,13 @@ def test_a_robot_in_the_air_lacks_its_weight_above_the_floor():
 
 
 def test_arrows_go_with_a_robot_that_stands_elsewhere_but_as_in_the_motion():
-    found, moved = standing(), np.array([3.0, 1.0, 0.0, 0.0, 0.0, 0.6, 0.8])
+    found, moved = standing(), np.array([3.0, 1.0, 0.0, 0.6, 0.0, 0.0, 0.8])
     state = RobotState(0, NAMES, np.array(STAND), base_pose=compose(moved, BASE))
     for before, after in zip(found.at(0.5), found.on(state, 0.5)):
-        start = compose(moved, np.append(before.start, BASE[3:]))[:3]
+        points = before.start, before.start + before.vector
+        start, tip = (compose(moved, np.append(p, BASE[3:]))[:3] for p in points)
         assert after.start == pytest.approx(start)
-        assert after.vector[2] == pytest.approx(before.vector[2])
+        assert after.start + after.vector == pytest.approx(tip)
     bent = RobotState(0, NAMES, np.array(STAND) + 0.3, base_pose=BASE)
     assert found.on(bent, 0.5) == []
 
