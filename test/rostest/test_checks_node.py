@@ -34,6 +34,7 @@ from trajectory_msgs.msg import (
 from visualization_msgs.msg import Marker, MarkerArray
 
 from g1_description import Robot, Scene
+from g1_description.checks.arrows import LENGTH
 from g1_description.robot.urdf import parse_urdf
 from g1_description.ros.conversions import transform
 from g1_description.scenes.objects import Attachment
@@ -418,6 +419,11 @@ class TestChecks(unittest.TestCase):
         self.assertTrue((corners[:, :2].min(axis=0) < middle).all())
         self.assertTrue((corners[:, :2].max(axis=0) > middle).all())
         self.assertGreater(outline.color.g, outline.color.r)
+        forces = ("contact forces", Marker.ADD)
+        found, _ = self.wait_for_markers(lambda m: forces in m, "contact forces")
+        arrows = [np.array([(p.x, p.y, p.z) for p in m.points]) for m in found[forces]]
+        self.assertEqual([m.color.b > 0.5 for m in found[forces]], [True, True])
+        self.assertAlmostEqual(sum(np.ptp(a[:, 2]) for a in arrows), LENGTH, places=2)
 
     def test_live_4_links_that_collide_are_red_until_they_do_not(self):
         red, contact = ("colliding links", Marker.ADD), ("contacts", Marker.ADD)
