@@ -30,6 +30,7 @@ _g1_description_options[pose]="--about --anchor --file --force --help --list --m
 _g1_description_options[record]="--force --gazebo --help --last --model --namespace --rate --seconds"
 _g1_description_options[snapshot]="--forces --fps --gif --help --joints --model --motion --motion-format --motion-fps --motion-order --motion-topic --namespace --scene --seconds --size --time --view"
 _g1_description_options[web]="--collisions --compare --format --fps --help --host --model --motion --order --port --read-only --report --scene --selection --thresholds --topic"
+_g1_description_options[why]="--help --model --namespace --seconds"
 _g1_description_flags=" --all --convex-collisions --fastest --fixed-base --force --forces --gif --json --keep-missing --list --loop --no-visual-hulls --on-floor --physics --quiet --read-only --start-here --stay --watch "
 _g1_description_files=" --against --collisions --compare --csv --file --html --json --model --motion --motors --out --plot --report --scene --selection --thresholds --write-selection "
 _g1_description_motion="info convert cut join mirror retime resample pad floor rename"

@@ -1,8 +1,6 @@
 """The first cause of a failure is the fault that was put into the simulation."""
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,9 +9,8 @@ from g1_description import Robot
 from g1_description.checks.run import states_of
 from g1_description.sim.rollout import Conditions, rollout
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
 pytest.importorskip("mujoco")
-from bench import causes as faults  # noqa: E402
+from bench import causes as faults
 
 ROBOT = Robot()
 CHECKER = ROBOT.checker()
@@ -47,7 +44,7 @@ def test_the_first_cause_of_a_failure_is_the_fault(kind, seed):
     if kind in ("jump", "late stream"):
         assert faults.SENDER in found.first and "joint_commands" in found.first
     if kind == "push":
-        at, length, x, y = fault.push
+        at, _, x, y = fault.push
         assert abs(found.chain[0].time - at) < 0.1
         assert " forwards" in found.first and x > abs(y)
 

@@ -63,7 +63,6 @@ from g1_description.srv import (
     SolveIKResponse,
 )
 
-
 EXPLAINED = 60.0
 """Time before now in which failures are explained, in [s]."""
 

@@ -141,8 +141,8 @@ def failure_text(found: Explanation | None) -> str:
     if found is not None:
         return str(found)
     return (
-        f"Nothing failed: the robot does not fall, no joint is {ERROR} rad or m off its "
-        f"command, and the base not {ASTRAY} m or {TURNED} rad."
+        f"Nothing failed: the robot does not fall, no joint is {ERROR} rad off its "
+        f"command, and the base is not {ASTRAY} m or {TURNED} rad off its own."
     )
 
 

@@ -177,6 +177,14 @@ class HistoryClient:
         found = self.part(stamp + 1, end, run, max_states=1)
         return self.at(int(found.stretch.stamps[0]), found.stretch.run)
 
+    def commands(self, begin: int, end: int, run: int = 0) -> Sequence[CommandStream]:
+        """Ask for the commands of a range with their positions.
+
+        Arguments and errors are those of ``part``.
+        """
+        given = begin, end, run, 1
+        return self.part(*given, with_commands=True, with_positions=True).commands
+
     def whole(
         self, begin: int = 0, end: int = 0, run: int = 0, last: float = 0.0
     ) -> HistoryPart:

@@ -6,7 +6,7 @@ import threading
 import time
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Callable, Optional, Tuple
+from typing import TYPE_CHECKING, Any, Callable, Tuple, TypeVar
 
 from g1_description.checks.arrows import ForceArrows, force_arrows
 from g1_description.checks.checker import Checker, LiveCheck
@@ -27,12 +27,15 @@ PERIOD = 0.04
 AGAIN = 10.0
 """Time between attempts to prepare checks, in [s]."""
 
+Found = TypeVar("Found")
+
 MakeChecker = Callable[[Description], Checker]
 
 
 _Request = Tuple[
-    Motion, Callable[["Verdict"], object], Callable[[], object], Optional[Scene]
+    Callable[[Checker], Any], Callable[[Any], object], Callable[[], object]
 ]
+"""What a checker finds, what is called with that, and what on errors."""
 
 
 class CheckThread:
@@ -83,8 +86,37 @@ class CheckThread:
             scene: The objects around the robot; None: there are none.
         """
         self.forces.pop((owner, robot), None)
+
+        def find(checker: Checker) -> tuple[Verdict, ForceArrows | None]:
+            verdict = (checker.among(scene) if scene else checker).check(motion)
+            # Without what needs much memory.
+            return replace(verdict, measured=None), force_arrows(verdict)
+
+        def show(found: tuple[Verdict, ForceArrows | None]) -> None:
+            verdict, self.forces[owner, robot] = found
+            then(verdict)
+
+        self.ask(owner, robot, find, show, failed)
+
+    def ask(
+        self,
+        owner: object,
+        robot: ShownRobot,
+        find: Callable[[Checker], Found],
+        then: Callable[[Found], object],
+        failed: Callable[[], object],
+    ) -> None:
+        """Ask the checker of a robot, unless the owner asks again before.
+
+        Args:
+            owner: Who wants to know.
+            robot: The robot.
+            find: Given its checker, finds the answer.
+            then: Called by the UI loop with the answer.
+            failed: Called by the UI loop on errors.
+        """
         with self._lock:
-            self._motions[owner, robot] = motion, then, failed, scene
+            self._motions[owner, robot] = find, then, failed
             self._lock.notify()
 
     def check_state(
@@ -113,8 +145,8 @@ class CheckThread:
                 self._lock.wait_for(lambda: self._motions or self._states)
                 motions, self._motions = self._motions, {}
                 states, self._states = self._states, {}
-            for key, (motion, then, failed, scene) in motions.items():
-                self._try(partial(self._motion, key, motion, then, scene), failed)
+            for key, (find, then, failed) in motions.items():
+                self._try(partial(self._answer, key, find, then), failed)
             for robot, given in states.items():
                 if not self._failure(robot):
                     self._try(partial(self._state, robot, *given))
@@ -137,25 +169,14 @@ class CheckThread:
 
         self._ui.guarded(attempt)
 
-    def _motion(
+    def _answer(
         self,
         key: tuple[object, ShownRobot],
-        motion: Motion,
-        then: Callable[[Verdict], object],
-        scene: Scene | None,
+        find: Callable[[Checker], Any],
+        then: Callable[[Any], object],
     ) -> None:
-        checker = self._checker(key[1])
-        if scene:
-            checker = checker.among(scene)
-        verdict = checker.check(motion)
-        arrows = force_arrows(verdict)
-        found = replace(verdict, measured=None)  # which needs much memory
-
-        def show() -> None:
-            self.forces[key] = arrows
-            then(found)
-
-        self._ui.post(("motion", *key), show)
+        found = find(self._checker(key[1]))
+        self._ui.post(("motion", *key), lambda: then(found))
 
     def _state(
         self,

@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING, Any, Callable
 
 from g1_description.checks.verdict import Verdict
 from g1_description.errors import G1DescriptionError, InvalidValueError
+from g1_description.motion.files.history_bag import read_history
 from g1_description.motion.history import CommandStream, HistoryPart
 from g1_description.motion.motion import Motion
 from g1_description.robot.state import RobotState
 from g1_description.web.findings_panel import FindingList, plain
+from g1_description.web.first_cause import FirstCause, Run
 from g1_description.web.motion_panel import MotionPanel
 from g1_description.web.panel import Key, PageContext, Panel
 from g1_description.web.robot import ShownRobot
@@ -88,6 +90,10 @@ class HistoryPanel(Panel):
         self._steps = gui.add_button_group("State", ["-1 s", "-1", "+1", "+1 s"])
         live = gui.add_button("Live", hint="show the robot as it is now")
         check = gui.add_button("Check this range", hint="the time line")
+        why = gui.add_button(
+            "Why?",
+            hint="the first cause of the last fall or large error of the time line",
+        )
         self._name = gui.add_text(
             "File name",
             "history",
@@ -103,6 +109,7 @@ class HistoryPanel(Panel):
         )
         self.found = gui.add_markdown("")
         """The findings at the shown time."""
+        self._cause = FirstCause(gui, self.page, self._lane)
         self._list = gui.add_markdown("")
         self._findings = FindingList(gui, ui, self._jump, False)
         ui.on(self._whose, self.live)
@@ -113,6 +120,7 @@ class HistoryPanel(Panel):
         ui.on(live, self.live)
         ui.on(start, self._start)
         ui.on(check, self._check)
+        ui.on(why, self._explain)
         ui.on(save, self._save)
         ui.on(self._ended, self._open_ended)
 
@@ -122,7 +130,8 @@ class HistoryPanel(Panel):
         return self.gui.add_dropdown(
             "Ended bridge",
             ["", *kept],
-            hint="opens the history that it left, on the tab Motion",
+            hint="opens the history that it left on the tab Motion, and says why the "
+            "robot fell",
             visible=bool(kept),
         )
 
@@ -386,6 +395,21 @@ class HistoryPanel(Panel):
 
         self._lane.do(motion, check)
 
+    def _explain(self) -> None:
+        """Explain the last failure of the time line, and show its first cause."""
+        line, ask = self._whole()
+        history, span = _history(line.robot), (line.begin(self.length), line.end or 0)
+
+        def states() -> Run:
+            found = ask().stretch
+            line.run = found.run
+            return found, history.commands(*span, found.run)
+
+        def show(at: float) -> None:
+            self._show(replace(line, state=None, before=None), round(SECOND * at))
+
+        self._cause.explain(line.robot, states, show)
+
     def _save(self) -> None:
         """Save the time line as a motion."""
         name = self._name.value.strip()
@@ -405,9 +429,10 @@ class HistoryPanel(Panel):
         """Open the history that a bridge left at its end."""
         name, robot = str(self._ended.value), self._robot
         if name:
-            read = partial(self.world.read, folder().parent / name, robot, None)
-            show = partial(self.page.get(MotionPanel).open, name, robot)
-            self._lane.do(read, show)
+            file, motion = folder().parent / name, self.page.get(MotionPanel)
+            read = partial(self.world.read, file, robot, None)
+            self._lane.do(read, partial(motion.open, name, robot))
+            self._cause.explain(robot, partial(read_history, file, robot.description))
 
 
 def _timed(part: HistoryPart) -> Motion:
