@@ -22,12 +22,13 @@ from g1_description.srv import (
     StepModel,
 )
 from gazebo_msgs.msg import WorldState
-from gazebo_msgs.srv import GetJointProperties, GetModelState
-from geometry_msgs.msg import Pose, Quaternion
+from gazebo_msgs.srv import ApplyBodyWrench, GetJointProperties, GetModelState
+from geometry_msgs.msg import Point, Pose, Quaternion, Vector3, Wrench
 from rosgraph_msgs.msg import Log
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
-from std_srvs.srv import Empty
+from std_srvs.srv import Empty, Trigger
+from support.programs import Program
 from support.ros_testing import (
     DEADLINE,
     Connected,
@@ -306,6 +307,23 @@ class TestPhysics(unittest.TestCase):
         self.assertEqual(gantry("g1_robot", "", False, 0.0).length, 0.0)
         wait_for(lambda: self.height() < 0.85, "the robot on its feet, or the floor")
         rospy.ServiceProxy("/gazebo/reset_simulation", Empty)()
+
+    def test_9_a_push_is_the_first_cause_of_a_fall(self):
+        wait_for(lambda: self.height() > 0.7, "the robot on its feet")
+        push = service("/gazebo/apply_body_wrench", ApplyBodyWrench)
+        force = Wrench(force=Vector3(x=-300.0))
+        given = "g1_robot::torso_link", "world", Point(), force
+        push(*given, rospy.Time(), rospy.Duration(0.2))
+        wait_for(lambda: self.height() < 0.4, "a fall")
+        self.addCleanup(rospy.ServiceProxy("/gazebo/reset_simulation", Empty))
+        words = "The robot falls at .* First cause, at .*: pelvis is pushed .* backwards"
+        why = Program("why")
+        printed, errors = why.communicate()
+        self.assertRegex(printed, words, errors)
+        self.assertEqual(why.returncode, 1)
+        answer = service("/checker/why", Trigger)()
+        self.assertTrue(answer.success, answer.message)
+        self.assertRegex(answer.message, words)
 
 
 def at_zero(trajectory):

@@ -197,6 +197,10 @@ def test_a_fault_is_found_saved_checked_and_gone_back_to(client, states, home):
     at = shown_time(client)
     assert start + FAULT[0] - 0.05 < at < start + FAULT[1] + 0.05
 
+    # In kinematic physics nothing fails.
+    client.press("Why?")
+    client.wait_for(lambda: told(client, r"\*\*Nothing failed: "), "no first cause")
+
     # Gone back to.
     states.clear()
     client.press("Start here")
