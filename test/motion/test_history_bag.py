@@ -52,7 +52,7 @@ def left_by(history, tmp_path, monkeypatch):
     monkeypatch.setenv("ROS_HOME", str(tmp_path))
     robot = RobotParameters("g1", "")
     keep_last_bag(robot, RobotStatus("g1", G1, history))
-    return last_bag(robot)
+    return last_bag(robot.namespace)
 
 
 def assert_same_states(found, wanted):
