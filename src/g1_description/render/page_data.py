@@ -200,9 +200,10 @@ def motion_data(
         T_map_root = compose(motion.base_poses[some], root_in_base(description))
         roots = _encoded(T_map_root, "<f4")
     lines = [*_lines(verdict)] if verdict is not None else []
-    floor = 0.0  # its height in the map, in [m]
+    floor, checked = 0.0, None  # height in the map in [m], and times of lines
     if verdict is not None and verdict.measured is not None:
         floor = verdict.measured.robot.thresholds.floor_height
+        checked = _encoded(_some(verdict.measured.times), "<f8")
     content = {
         "times": _encoded(motion.times[some], "<f8"),
         "joints": [numbers[name] for name in motion.joint_names],
@@ -213,8 +214,9 @@ def motion_data(
         "holds": _holds(description, motion, objects) if objects else [],
         "causes": [],
         "contacts": [],
+        "checked": checked,
         "forces": None if verdict is None else _forces(verdict),
-        "lines": [{"name": name, "unit": unit, **line} for name, unit, line in lines],
+        "lines": [{"name": n, "unit": unit, "values": v} for n, unit, v in lines],
     }
     if verdict is not None:
         names = [name for name, _, _ in lines]
@@ -233,13 +235,17 @@ def _forces(verdict: Verdict) -> dict[str, str] | None:
     arrows = force_arrows(verdict)
     if arrows is None:
         return None
-    some = slice(None, None, -(-len(arrows.times) // MAX_SAMPLES))
+    pairs = np.stack([arrows.starts, arrows.vectors], axis=2)
     too_much = np.where(arrows.is_missing[:, np.newaxis], arrows.missing, np.nan)
     return {
-        "times": _encoded(arrows.times[some], "<f8"),
-        "arrows": _encoded(np.stack([arrows.starts, arrows.vectors], 2)[some], "<f4"),
-        "missing": _encoded(too_much[some], "<f4"),
+        "arrows": _encoded(_some(pairs), "<f4"),
+        "missing": _encoded(_some(too_much), "<f4"),
     }
+
+
+def _some(rows: np.ndarray) -> np.ndarray:
+    """Return every row, or every second, third ... if there are too many."""
+    return rows[:: -(-len(rows) // MAX_SAMPLES)]
 
 
 HEIGHT, CENTER, MISSING, FRICTION, FORCE, DEPTH = (
@@ -253,17 +259,14 @@ HEIGHT, CENTER, MISSING, FRICTION, FORCE, DEPTH = (
 """Names of lines."""
 
 
-def _lines(verdict: Verdict) -> Iterator[tuple[str, str, dict[str, str]]]:
-    """List measurements: names, units, and times with values."""
+def _lines(verdict: Verdict) -> Iterator[tuple[str, str, str]]:
+    """List measurements: names, units, and values."""
     measured = verdict.measured
     if measured is None:
         return
-    some = slice(None, None, -(-len(measured.times) // MAX_SAMPLES))
-    times = _encoded(measured.times[some], "<f8")
 
-    def line(values: np.ndarray) -> dict[str, str]:
-        known = np.where(np.isfinite(values), values, np.nan)
-        return {"times": times, "values": _encoded(known[some], "<f4")}
+    def line(values: np.ndarray) -> str:
+        return _encoded(_some(np.where(np.isfinite(values), values, np.nan)), "<f4")
 
     if measured.balance is not None:
         yield CENTER, "m", line(measured.balance.center_margin)

@@ -32,7 +32,7 @@ class Chart {
     const joint = motion.robot.joints[motion.joints[number]];
     if (kind === "line") {
       const line = motion.lines[number];
-      this.times = decode(line.times, Float64Array);
+      this.times = motion.checked;
       this.values = decode(line.values, Float32Array);
       this.unit = line.unit;
       this.bounds = [0];

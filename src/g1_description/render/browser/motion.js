@@ -67,10 +67,8 @@ class Motion {
     const optional = (text) => text && decode(text, Float32Array);
     this.velocities = optional(content.velocities);
     this.roots = optional(content.roots);
-    if (this.forces) {
-      const { times, arrows, missing } = this.forces;
-      this.forces = { times: decode(times, Float64Array), arrows: optional(arrows), missing: optional(missing) };
-    }
+    this.checked = content.checked && decode(content.checked, Float64Array);
+    if (this.forces) this.forces = { arrows: optional(content.forces.arrows), missing: optional(content.forces.missing) };
     this.begin = this.times[0];
     this.end = this.times[this.times.length - 1];
     this.isSingle = this.times.length === 1;
@@ -199,9 +197,9 @@ class Motion {
   /** Contact forces at a time: starts and vectors of arrows; the last one is missing, with a text. */
   arrows(time) {
     if (!this.forces) return [];
-    const { times, arrows, missing } = this.forces;
-    const row = nearest(times, time);
-    const size = arrows.length / times.length;
+    const { arrows, missing } = this.forces;
+    const row = nearest(this.checked, time);
+    const size = arrows.length / this.checked.length;
     const [force, moment] = missing.slice(2 * row, 2 * row + 2);
     const text = Number.isNaN(force) ? "" : `${force.toFixed(0)} N and ${moment.toFixed(1)} N m are missing`;
     return Array.from({ length: size / 6 }, (_, n) => {
