@@ -316,7 +316,7 @@ class TestPhysics(unittest.TestCase):
         push(*given, rospy.Time(), rospy.Duration(0.2))
         wait_for(lambda: self.height() < 0.4, "a fall")
         self.addCleanup(rospy.ServiceProxy("/gazebo/reset_simulation", Empty))
-        words = "The robot falls at .* First cause, at .*: pelvis is pushed .* backwards"
+        words = "The robot falls at .* First cause, .*: pelvis is pushed .* backwards"
         why = Program("why")
         printed, errors = why.communicate()
         self.assertRegex(printed, words, errors)
