@@ -228,6 +228,32 @@ def test_the_checked_range_is_the_time_line_when_the_button_was_pressed(
     browser.wait_for(lambda: browser.says("The check failed."), "an error")
 
 
+def test_an_earlier_check_does_not_replace_the_result_of_a_later_one(
+    robots, browser, monkeypatch
+):
+    one, _ = robots
+    check, began, may_end, ended = Checker.check, *(threading.Event() for _ in "123")
+
+    def slow(*arguments):
+        began.set()
+        assert may_end.wait(DEADLINE)
+        verdict = check(*arguments)
+        ended.set()
+        return verdict
+
+    monkeypatch.setattr(Checker, "check", slow)
+    browser.press("Check this range")
+    assert began.wait(DEADLINE)
+    one.history.problem = "The bridge does not answer."
+    browser.press("Check this range")
+    browser.wait_for(lambda: browser.says("The check failed."), "the later result")
+    may_end.set()
+    assert ended.wait(DEADLINE)
+    browser.set("Last seconds", "10")  # is done after the verdict has arrived
+    browser.wait_for(lambda: browser.element("Back")["min"] == -10.0, "10 seconds")
+    assert browser.says("The check failed.")
+
+
 def test_a_shorter_time_line_is_about_the_shown_time(browser):
     browser.set("State", "-1 s")
     wait_until_shown(browser, 49.0, "one: 49.000 s")

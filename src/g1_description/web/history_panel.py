@@ -64,7 +64,7 @@ class HistoryPanel(Panel):
         self._requested: Timeline | None = None
         """The one that is shown, or will be."""
         self._checked: Timeline | None = None
-        """The one that was checked last."""
+        """The one of the findings that are shown, or will be."""
         with self._head:
             self._when = gui.add_markdown("")
         self._whose = gui.add_dropdown(
@@ -369,10 +369,15 @@ class HistoryPanel(Panel):
         return line.robot, _timed(ask())
 
     def _check(self) -> None:
-        """Check the time line."""
+        """Check the time line; results of earlier checks are dropped."""
         line, ask = self._whole()
+        self._checked = line
         begin, end = line.begin(self.length), line.end or 0
         self._findings.begin(f"{1e-9 * begin:.1f} s to {1e-9 * end:.1f} s")
+
+        def fail() -> None:
+            if self._checked is line:
+                self._findings.fail()
 
         def motion() -> Motion:
             try:
@@ -382,15 +387,14 @@ class HistoryPanel(Panel):
                     self.ui.notify(part.note)
                 return _timed(part)
             except G1DescriptionError:
-                self.ui.post((self, "failed"), self._findings.fail)
+                self.ui.post((self, "failed"), fail)
                 raise
 
         def check(found: Motion) -> None:
             def show(verdict: Verdict) -> None:
-                self._checked = line
-                self._findings.show(verdict, (found.times[0], found.times[-1]))
+                if self._checked is line:
+                    self._findings.show(verdict, (found.times[0], found.times[-1]))
 
-            fail = self._findings.fail
             self.page.checks.check_motion(self, line.robot, found, show, fail)
 
         self._lane.do(motion, check)
