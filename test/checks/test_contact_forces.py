@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from bench.poses import CERTAIN, KINDS, SOME, static_poses
 
 from g1_description import Robot
 from g1_description.errors import MotionError
@@ -93,34 +94,13 @@ def test_weak_motors_are_a_matter_of_efforts():
     assert {finding.check for finding in verdict.findings} == {"effort"}
 
 
-def test_the_verdict_on_poses_is_that_of_the_support_polygon():
-    random, agreed = np.random.default_rng(0), 0
-    for _ in range(60):
-        bend, lean = random.uniform(0.0, 0.8), random.uniform(-0.35, 0.35)
-        positions = STAND.copy()
-        for side in ("left", "right"):
-            for joint, share in (("hip_pitch", -1.0), ("knee", 2.0)):
-                positions[ROBOT.joint_row(f"{side}_{joint}_joint")] = share * bend
-            ankle = ROBOT.joint_row(f"{side}_ankle_pitch_joint")
-            positions[ankle] = -bend + lean
-        upright = ROBOT.link_poses(positions)["left_ankle_roll_link"]
-        angle = 2.0 * np.arctan2(upright[4], upright[6])
-        turn = np.array([0.0, -np.sin(angle / 2.0), 0.0, np.cos(angle / 2.0)])
-        pose = Motion(
-            np.zeros(1),
-            tuple(ROBOT.joint_names),
-            positions[None],
-            None,
-            np.array([[0.0, 0.0, 0.8, *turn]]),
-        )
-        pose = ROBOT.on_floor(pose)
-        verdict = ROBOT.check_state(positions, pose.base_poses[0])
-        margin = verdict.figures["least_center_margin"]
-        if abs(margin) > 0.002:
-            share = ROBOT.contact_forces(pose).missing_share[0]
-            assert (share > 0.003) == (margin < 0.0)
-            agreed += 1
-    assert agreed > 40
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_verdict_on_poses_is_that_of_the_support_polygon(kind):
+    poses = [p for p in static_poses(ROBOT, kind, 20) if abs(p.margin) > CERTAIN]
+    for pose in poses:
+        missing = ROBOT.contact_forces(pose.motion).missing_share[0]
+        assert (missing > SOME) == (pose.margin < 0.0)
+    assert {pose.margin < 0.0 for pose in poses} == {False, True}
 
 
 @pytest.mark.parametrize(

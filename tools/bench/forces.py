@@ -16,6 +16,8 @@ from g1_description.sim.engine import PhysicsProperties
 from g1_description.sim.standing import standing_height
 from g1_description.sim.world import World
 
+from .poses import compare_poses
+
 RATES = 30, 50, 120  # [Hz]
 LENGTH = 3.0  # [s]
 WINDOW = 0.1  # [s] of accelerations, before and after
@@ -33,7 +35,14 @@ def forces(bench):
     arms that swing, falls, and hops; until the robot lies. True forces are means over
     the window of accelerations. Friction is 1 in the simulation and 0.6 in the check.
     Spoilt motions are found if the check, or one of floor and balance, fails.
+
+    Random poses at rest are those of pelvis and arms on two feet, those of all joints
+    on one level foot, and those in which a hand or forearm, a knee and a third link
+    lie on the floor. What carries them is the convex hull of the points that touch it;
+    poses within 2 mm of its edge are left out. hpp-centroidal-dynamics judges 70 of
+    each kind where it can be imported.
     """
+    compare_poses(bench)
     runs = {}
     for number, kind in enumerate(KINDS):
         with bench.attempt(kind):
