@@ -366,6 +366,7 @@ class World:
         self.engine.drive(model, own, command)
         has_target = command.stiffness > 0.0
         model.commanded[own] = np.where(has_target, command.positions, np.nan)
+        model.commanded_base = None  # unless a motion still has one
         self.motions.release(model, own.tolist())
         return [name for name, row in zip(names, rows) if row is None]
 
@@ -383,12 +384,17 @@ class World:
         """
         pose, twist = in_world(frame, pose, twist)
         model.set_state(pose, twist * self.is_dynamic)
-        model.commanded_base = model.root_poses[0].copy() if model.trees else None
+        self._command_base(model)
         self.motions.release(model, base=True)
         self.anchors.renew(model)
         self.gantries.renew(model)
         self.engine.write(model)
         self.attachments.renew(model)
+
+    def _command_base(self, model: Model) -> None:
+        """Command a base to be where it is, if it would stay there."""
+        is_held = bool(model.trees) and not self.is_dynamic
+        model.commanded_base = model.root_poses[0].copy() if is_held else None
 
     def set_root_state(
         self, model: Model, pose: np.ndarray, twist: np.ndarray, tree: int = 0
@@ -404,7 +410,7 @@ class World:
         """
         model.set_root_state(pose, twist * self.is_dynamic, tree)
         if tree == 0:
-            model.commanded_base = model.root_poses[0].copy()
+            self._command_base(model)
         self.motions.release(model, base=tree == 0)
         self.anchors.renew(model)
         self.gantries.renew(model)
