@@ -17,7 +17,7 @@ from g1_description.web.ui_loop import Lane
 if TYPE_CHECKING:
     from viser import GuiApi
 
-Run = Tuple[Stretch, Sequence[CommandStream]]
+Past = Tuple[Stretch, Sequence[CommandStream]]
 """States, and the commands meanwhile with their positions."""
 
 
@@ -32,7 +32,7 @@ class FirstCause:
     def explain(
         self,
         robot: ShownRobot,
-        read: Callable[[], Run],
+        read: Callable[[], Past],
         show: Callable[[float], object] = lambda _: None,
     ) -> None:
         """Explain a failure.
@@ -53,16 +53,16 @@ class FirstCause:
         def forget() -> None:
             self._text.content = ""
 
-        def get() -> Run:
+        def get() -> Past:
             try:
                 return read()
             except G1DescriptionError:
                 self._page.ui.post((self, "failed"), forget)
                 raise
 
-        def ask(run: Run) -> None:
+        def ask(past: Past) -> None:
             self._page.checks.ask(
-                self, robot, lambda checker: checker.explain(*run), write, forget
+                self, robot, lambda checker: checker.explain(*past), write, forget
             )
 
         self._text.content = "*Looking for the first cause ...*"

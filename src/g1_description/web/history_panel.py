@@ -14,7 +14,7 @@ from g1_description.motion.history import CommandStream, HistoryPart
 from g1_description.motion.motion import Motion
 from g1_description.robot.state import RobotState
 from g1_description.web.findings_panel import FindingList, plain
-from g1_description.web.first_cause import FirstCause, Run
+from g1_description.web.first_cause import FirstCause, Past
 from g1_description.web.motion_panel import MotionPanel
 from g1_description.web.panel import Key, PageContext, Panel
 from g1_description.web.robot import ShownRobot
@@ -404,7 +404,7 @@ class HistoryPanel(Panel):
         line, ask = self._whole()
         history, span = _history(line.robot), (line.begin(self.length), line.end or 0)
 
-        def states() -> Run:
+        def states() -> Past:
             found = ask().stretch
             line.run = found.run
             return found, history.commands(*span, found.run)

@@ -236,7 +236,9 @@ class Page:
         answers: queue.Queue[Verdict | None] = queue.Queue()
         fail = partial(answers.put, None)
         self._checks.check_motion(answers, robot, motion, answers.put, fail)
-        return answers.get()
+        found = answers.get()
+        self._checks.forces.pop((answers, robot), None)
+        return found
 
     # --- drawing ---
 
