@@ -33,9 +33,6 @@ from g1_description.ros.history import fetch_commands, fetch_history
 from g1_description.ros.lifecycle import start_node
 from g1_description.ros.robot_view import wait_for_description
 
-MOST = 600.0
-"""Longest history that a bridge keeps, in [s]."""
-
 
 @dataclass(frozen=True)
 class WhyOptions:
@@ -48,7 +45,7 @@ class WhyOptions:
         "a rosbag with joint_states, such as last.bag", Path, nargs="?", metavar="BAG"
     )
     seconds: float = option(
-        "time before the end that is looked at [s]", 60.0, positive(MOST)
+        "time before the end that is looked at [s]", 60.0, positive(3600.0)
     )
     namespace: str = namespace()
     model: str = option(f"the robot of a rosbag: {MODEL}", DEFAULT)
