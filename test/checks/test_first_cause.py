@@ -1,12 +1,16 @@
 """The first cause of a failure is the fault that was put into the simulation."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from g1_description import Robot
+from g1_description.checks import first_cause
+from g1_description.checks.checker import Checker
 from g1_description.checks.run import states_of
+from g1_description.motion.history_chunks import Stretch
 from g1_description.sim.rollout import Conditions, rollout
 
 pytest.importorskip("mujoco")
@@ -16,11 +20,32 @@ ROBOT = Robot()
 CHECKER = ROBOT.checker()
 
 
+def simulated(kind, seed):
+    """Simulate a fault; return its states, the commands and the fault."""
+    fault, motion, _, stream = faults.drawn(ROBOT, kind, np.random.default_rng(seed))
+    return faults.simulated(ROBOT, motion, fault), [stream], fault
+
+
 def explained(kind, seed, **changes):
     """Simulate a fault; explain its states, some of which may be unknown."""
-    fault, motion, _, stream = faults.drawn(ROBOT, kind, np.random.default_rng(seed))
-    states = replace(faults.simulated(ROBOT, motion, fault), **changes)
-    return CHECKER.explain(states, [stream]), fault
+    states, commands, fault = simulated(kind, seed)
+    return CHECKER.explain(replace(states, **changes), commands), fault
+
+
+def after_waiting(states, base=None):
+    """Let a robot wait for three seconds before its states, at a pose of the base."""
+    rows = np.append(np.zeros(600, dtype=int), np.arange(len(states.stamps)))
+    found = states.rows(rows)
+    if base is not None:
+        found.base_poses[:600] = base
+    return replace(found, stamps=5_000_000 * np.arange(1, len(rows) + 1))
+
+
+@pytest.fixture(scope="module")
+def push():
+    """A push of a robot that is never commanded, and the first cause."""
+    states, _, _ = simulated("push", [4, 0, 0])
+    return states, CHECKER.explain(states).chain[0]
 
 
 @pytest.mark.parametrize(
@@ -81,3 +106,98 @@ def test_a_moment_long_before_a_fall_is_not_its_cause():
     assert found.chain[0].name == "infeasible_commands"
     assert "centre of mass" in found.first
     assert not any(event.name == "command_jump" for event in found.chain)
+
+
+def test_states_may_be_rare_or_missing(push):
+    states, cause = push
+    is_kept = np.ones(len(states.stamps), dtype=bool)
+    is_kept[50:70] = False
+    for rows in (slice(None, None, 10), is_kept):
+        found = CHECKER.explain(states.rows(rows)).chain[0]
+        assert (found.name, found.subject) == ("push", ("pelvis",))
+        assert abs(found.time - cause.time) < 0.05
+    bases = states.base_poses.copy()
+    bases[:50] = np.nan
+    found = CHECKER.explain(replace(states, base_poses=bases))
+    assert found.chain[0] == cause
+    few = states.rows(slice(0, 20))
+    few = replace(few, commanded=few.positions + 0.3 * np.eye(20)[-1:].T)
+    assert CHECKER.explain(few).failure.time == 1e-9 * few.stamps[-1]
+
+
+def test_a_robot_on_an_unknown_box_does_not_begin_high(push):
+    states, cause = push
+    bases = states.base_poses + 0.3 * np.eye(7)[2]
+    found = CHECKER.explain(
+        replace(states, base_poses=bases, commanded_bases=np.repeat(bases[:1], 556, 0))
+    )
+    assert found.chain == (cause,)
+    assert found.unknown == "Not known: how it stands."
+
+
+LYING = np.array([0.0, 0.0, 0.1, 0.0, np.sqrt(0.5), 0.0, np.sqrt(0.5)])
+
+
+def test_a_robot_that_is_placed_does_not_fall(push):
+    sound, _, _ = simulated("sound", [8, 0, 0])
+    assert CHECKER.explain(after_waiting(sound, LYING)) is None
+    found = CHECKER.explain(after_waiting(push[0], LYING))
+    assert found.chain[0] == replace(push[1], time=found.chain[0].time)
+    assert abs(found.chain[0].time - push[1].time - 3.0) < 1e-6
+
+
+def test_a_base_may_be_commanded_only_later():
+    states, commands, _ = simulated("sound", [8, 0, 0])
+    bases = states.base_poses.copy()
+    bases[:300] = np.nan
+    states = replace(states, commanded_bases=bases)
+    assert CHECKER.explain(states, commands) is None
+    moved = states.base_poses + 0.2 * np.eye(7)[0]
+    found = CHECKER.explain(replace(states, base_poses=moved), commands)
+    assert found.failure.text.startswith("the base is 0.15 m")
+    assert found.failure.time == 1e-9 * states.stamps[300]
+
+
+def test_an_earlier_jump_does_not_hide_the_last_one():
+    states, _, fault = simulated("jump", [2, 0, 0])
+    states = replace(after_waiting(states), efforts=None)
+    states.commanded[100:200, states.names.index("left_wrist_roll_joint")] += 0.18
+    found = CHECKER.explain(states)
+    assert found.chain[0].name == "command_jump"
+    assert found.chain[0].subject == (fault.joint,)
+    assert found.chain[0].time > 3.0
+
+
+def test_a_limit_that_no_file_tells_is_no_weak_motor():
+    joints = [replace(joint, effort=np.inf) for joint in ROBOT.description.joints]
+    robot = replace(ROBOT.description, joints=tuple(joints))
+    states, commands, _ = simulated("weak motor", [0, 0, 0])
+    assert Checker(robot).explain(states, commands).chain[0].name == "saturation"
+
+
+def test_feet_that_are_raised_as_commanded_do_not_lose_contact():
+    motion = ROBOT.read_motion("step_in_place.csv").resampled(100.0)
+    names, stamps = motion.joint_names, np.round(1e9 * motion.times).astype(np.int64)
+    states = Stretch(1, stamps, names, names, motion.positions, None, motion.base_poses)
+    states = replace(states, commanded=motion.positions.copy())
+    wrist = names.index("left_wrist_roll_joint")
+    states.commanded[-1, wrist] += 0.5
+    assert {event.name for event in CHECKER.explain(states).chain} == {"command_jump"}
+
+
+@pytest.mark.parametrize(
+    "names", [("unbalanced", "lost_contact"), ("saturation", "lost_contact")]
+)
+def test_of_events_that_explain_each_other_the_earlier_one_is_first(names, monkeypatch):
+    events = [
+        first_cause.Event(name, at, (), "") for name, at in zip(names, (1.0, 1.05))
+    ]
+    causes = [
+        replace(
+            first_cause.CAUSE[event.name], find=lambda _, event=event: iter([event])
+        )
+        for event in reversed(events)
+    ]
+    monkeypatch.setattr(first_cause, "CAUSES", causes)
+    run = SimpleNamespace(end=2.0, failure="the robot falls", unknown="")
+    assert first_cause.explain(run).chain == (*events,)

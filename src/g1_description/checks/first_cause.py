@@ -1,4 +1,4 @@
-"""Why a robot fell, or strayed from its commands: events, and what explains what."""
+"""Why a robot fell, or strayed from its commands: which event explains which."""
 
 from __future__ import annotations
 
@@ -6,17 +6,23 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Callable
 
-import numpy as np
-
-from g1_description.checks.ground_samples import drifts
-from g1_description.checks.intervals import runs
-from g1_description.checks.measured import Measured
-from g1_description.checks.rule import units
-from g1_description.checks.rules.forces import CONTACT_FORCES, side, unknown_forces
-from g1_description.checks.rules.ground import CENTER_OF_MASS
+from g1_description.checks.events import (
+    Event,
+    command_jumps,
+    infeasible_commands,
+    lags,
+    late_commands,
+    loads,
+    lost_contacts,
+    low_gains,
+    pushed,
+    saturations,
+    slips,
+    starts_high,
+    unbalanced,
+    weak_motors,
+)
 from g1_description.checks.run import ASTRAY, ERROR, TURNED, Run
-from g1_description.motion.history import CommandStream
-from g1_description.robot.dynamics import GRAVITY
 
 FAILURE = "failure"
 """Name of the failure, which all events may explain."""
@@ -26,64 +32,6 @@ MEMORY = 2.0
 
 SOON = 0.1
 """Means over the window of accelerations begin up to this time too early, in [s]."""
-
-LATE, PERIODS = 0.1, 5.0
-"""A stream is late after this time in [s], and as many of its usual periods."""
-
-STEP_TIME, STEP = 0.04, 0.15
-"""A command jumps if it changes by more than ``STEP``, in [rad] or [m], within this
-time in [s], and by much less before and after."""
-
-HIGH = 0.02
-"""Height above the floor from which a robot drops, in [m]."""
-
-PUSH, PUSH_TIME = 0.12, 0.04
-"""Least push along the floor as a fraction of the weight, and its time in [s]."""
-
-LOAD = 15.0
-"""Least weight in a hand that its file does not have, in [N]."""
-
-PLATEAU, PLATEAU_TIME = 1e-3, 0.05
-"""Largest change of a saturated effort as a fraction of it, and least time in [s]."""
-
-WEAK = 0.9
-"""A motor that gives less than this fraction of its joint's limit is weak."""
-
-LAG, MOVED = 0.1, 0.02
-"""Tracking errors in [rad] or [m]: of a joint that lags, and one that changes."""
-
-LITTLE = 0.5
-"""Fraction of the limit below which a motor could give much more."""
-
-SLIP = 0.02
-"""Least way of a foot along the floor in a contact, in [m]."""
-
-RAISED = 0.015
-"""Height above the other feet at which a foot is meant to be in the air, in [m]."""
-
-LOST_TIME = 0.05
-"""Shortest time without a contact, in [s]."""
-
-
-@dataclass(frozen=True)
-class Event:
-    """Something that happened before a failure."""
-
-    name: str
-    """Its name in ``CAUSES``; of the failure, ``FAILURE``."""
-
-    time: float
-    """When it began, in [s]."""
-
-    subject: tuple[str, ...]
-    """Joint, link or sender; empty for the whole robot."""
-
-    text: str
-    """What happened, with its size."""
-
-    def __str__(self) -> str:
-        """Write it with its time."""
-        return f"{self.time:.3f} s: {self.text}"
 
 
 @dataclass(frozen=True)
@@ -159,16 +107,27 @@ def explain(run: Run) -> Explanation:
             if event not in chain and any(_explains(event, other) for other in newest)
         ]
         chain += newest
-    first = next(
-        (e for e in events if e in chain and not _is_explained(e, chain)), None
-    )
-    later = [event for event in events if event in chain and event is not first]
-    return Explanation(failure, (first, *later) if first else (), run.unknown)
+    chain = [event for event in events if event in chain]
+    told: dict[tuple[str, tuple[str, ...]], Event] = {}
+    first = next((event for event in chain if not _is_explained(event, chain)), None)
+    for event in [first or chain[0], *chain] if chain else ():
+        told.setdefault((event.name, event.subject), event)
+    return Explanation(failure, (*told.values(),), run.unknown)
 
 
 def _is_explained(event: Event, others: Sequence[Event]) -> bool:
-    """Return whether one of other events explains an event."""
-    return any(_explains(other, event) for other in others if other is not event)
+    """Return whether another event explains an event; of two, the later one does not.
+
+    Args:
+        event: The event.
+        others: In order of time, it among them.
+    """
+    at = others.index(event)
+    return any(
+        _explains(other, event) and (number < at or not _explains(event, other))
+        for number, other in enumerate(others)
+        if number != at
+    )
 
 
 def _explains(event: Event, later: Event) -> bool:
@@ -179,384 +138,84 @@ def _explains(event: Event, later: Event) -> bool:
     return in_time and later.name in (FAILURE, *cause.explains)
 
 
-# --- commands ---
-
-
-def _late_commands(run: Run) -> Iterator[Event]:
-    """Find streams that pause, and go on somewhere else."""
-    for stream in run.commands:
-        if stream.stamps is None or stream.positions is None or stream.count < 10:
-            continue
-        times = 1e-9 * stream.stamps
-        gaps = np.diff(times)
-        usual = float(np.median(gaps))
-        steps = np.abs(np.diff(stream.positions, axis=0)).max(axis=1)
-        is_late = (gaps > max(LATE, PERIODS * usual)) & (steps > MOVED)
-        is_late &= (times[1:] > run.times[0]) & (times[:-1] < run.end)
-        for row in np.flatnonzero(is_late)[:1]:
-            sender, topic = stream.command.sender, stream.command.topic
-            text = (
-                f"{sender} sends nothing on {topic} for {gaps[row]:.2f} s, before "
-                f"every {usual:.3f} s, and then positions that differ by up to "
-                f"{steps[row]:.2f} rad"
-            )
-            yield Event("late_commands", float(times[row]), (sender,), text)
-
-
-def _command_jumps(run: Run) -> Iterator[Event]:
-    """Find the first jump of the commands."""
-    times, desired = run.times, run.desired
-    period = np.ptp(times) / max(len(times) - 1, 1)
-    reach = max(int(np.ceil(STEP_TIME / max(period, 1e-9))), 1)
-    if len(times) <= 2 * reach:
-        return
-    steps = np.nan_to_num(np.abs(desired[reach:] - desired[:-reach]))
-    around = np.pad(steps, ((2 * reach, 2 * reach), (0, 0)), "constant")
-    calm = np.maximum(around[: -4 * reach], around[4 * reach :])
-    is_jump = (steps - 2.0 * calm > STEP).any(axis=1)
-    if not is_jump.any():
-        return
-    at = int(is_jump.argmax())
-    last = at + int(np.argmin(np.append(is_jump[at:], False)))
-    column = int(steps[at:last].max(axis=0).argmax())
-    row = at + int(steps[at:last, column].argmax())
-    parts = np.abs(np.diff(desired[row : row + reach + 1, column]))
-    time, joint = float(times[row + int(parts.argmax()) + 1]), run.joints[column]
-    text = (
-        f"the command of {joint.name} jumps by {steps[row, column]:.2f} "
-        f"{units(joint)[0]}{_sender(run, joint.name, time)}"
-    )
-    yield Event("command_jump", time, (joint.name,), text)
-
-
-def _sender(run: Run, joint: str, time: float) -> str:
-    """Name who sent the last command to a joint before a time in [s]."""
-    known = [
-        (float(stamps[stamps <= time + STEP_TIME].max()), stream.command)
-        for stream in run.commands
-        if not stream.command.names or joint in stream.command.names
-        for stamps in [1e-9 * _stamps(stream)]
-        if (stamps <= time + STEP_TIME).any()
-    ]
-    if not known:
-        return ""
-    command = max(known, key=lambda pair: pair[0])[1]
-    return f", as {command.sender} sent it on {command.topic}"
-
-
-def _stamps(stream: CommandStream) -> np.ndarray:
-    """Return the known stamps of commands in [ns]."""
-    ends = np.array([stream.first, stream.last])
-    return ends if stream.stamps is None else stream.stamps
-
-
-def _infeasible_commands(run: Run) -> Iterator[Event]:
-    """Find where the commanded motion itself cannot be done."""
-    wanted = run.wanted
-    if wanted is None:
-        return
-    rules = [CENTER_OF_MASS]
-    if not unknown_forces(run.robot, wanted.motion):
-        rules.append(CONTACT_FORCES)
-    found = [f for rule in rules for f in rule.find(rule, wanted) if f is not None]
-    if found:
-        first = min(found, key=lambda finding: finding.first_time)
-        text = f"the commanded motion cannot be done: {first.text}"
-        time = _since(wanted, first.first_time)
-        yield Event("infeasible_commands", time, (), text)
-
-
-def _since(wanted: Measured, time: float) -> float:
-    """Find since when the commanded centre of mass is outside the support, in [s]."""
-    assert wanted.balance is not None
-    is_inside = ~(wanted.balance.center_margin < 0.0) & (wanted.times <= time)
-    begin = int(np.append(np.flatnonzero(is_inside), -1).max()) + 1
-    return min(time, float(wanted.times[min(begin, len(wanted.times) - 1)]))
-
-
-# --- what acts on the robot ---
-
-
-def _starts_high(run: Run) -> Iterator[Event]:
-    """Find a robot that drops."""
-    heights = run.measured.heights if run.stands else None
-    if heights is not None and heights[0].min() > HIGH:
-        text = f"the robot begins {heights[0].min():.2f} m above the floor"
-        yield Event("starts_high", float(run.times[0]), (), text)
-
-
-def _pushed(run: Run) -> Iterator[Event]:
-    """Find pushes along the floor that feet and motors do not explain."""
-    pushes = run.external
-    if pushes is None:
-        return
-    measured = run.measured
-    weight = float(run.robot.masses.total) * GRAVITY
-    root = list(pushes)[-1]
-    along = pushes[root][:, :2]
-    sizes = np.hypot(*along.T) / weight
-    window = run.robot.thresholds.window
-    sizes[measured.times < measured.times[0] + window] = 0.0
-    sizes[measured.times > measured.times[-1] - window] = 0.0
-    for first, last in _longer(measured.times, sizes > PUSH, PUSH_TIME):
-        worst = first + int(sizes[first : last + 1].argmax())
-        half = np.flatnonzero(sizes[:worst] < 0.5 * sizes[worst])
-        begin = int(half[-1]) + 1 if len(half) else first
-        where = side(measured.base_poses()[worst, 3:], along[worst], WAYS)
-        text = f"{root} is pushed with {weight * sizes[worst]:.0f} N{where}"
-        yield Event("push", float(measured.times[begin]), (root,), text)
-        return
-
-
-WAYS = (" forwards", " to the left", " backwards", " to the right")
-
-
-def _loads(run: Run) -> Iterator[Event]:
-    """Find weights at the ends of limbs that are not in the robot's file."""
-    pushes = run.external
-    if pushes is None:
-        return
-    for link, force in list(pushes.items())[:-1]:
-        weight = -float(np.median(force[:, 2]))
-        if link not in run.measured.ground_links and weight > LOAD:
-            text = f"{link} carries {weight:.0f} N that the robot's file does not have"
-            yield Event("load", float(run.times[0]), (link,), text)
-
-
-# --- motors ---
-
-
-def _saturated(run: Run) -> Iterator[tuple[int, float, float]]:
-    """Find motors that give a constant effort while the error changes.
-
-    Yields:
-        Column of the joint, first time in [s], and the effort in [N m] or [N].
-    """
-    efforts, times = run.efforts, run.times
-    if efforts is None:
-        return
-    errors = run.errors
-    for column in range(len(run.joints)):
-        size = np.abs(efforts[:, column])
-        is_same = np.abs(np.diff(efforts[:, column])) <= PLATEAU * size[1:]
-        is_same = np.append(is_same & (size[1:] > 0.0), False)
-        for first, last in _longer(times, is_same, PLATEAU_TIME):
-            own = errors[first : last + 1, column]
-            if not np.isnan(own).any() and np.ptp(own) > MOVED:
-                yield column, float(times[first]), float(size[first])
-                break
-
-
-def _weak_motors(run: Run) -> Iterator[Event]:
-    """Find motors with less effort than the robot's file says."""
-    for column, time, effort in _saturated(run):
-        joint, limit = run.joints[column], run.joints[column].effort
-        if effort < WEAK * limit:
-            unit = units(joint)[1]
-            text = (
-                f"the motor of {joint.name} gives no more than {effort:.3g} of "
-                f"{limit:.3g} {unit}"
-            )
-            yield Event("weak_motor", time, (joint.name,), text)
-
-
-def _saturations(run: Run) -> Iterator[Event]:
-    """Find motors at their limits."""
-    for column, time, effort in _saturated(run):
-        joint = run.joints[column]
-        if effort >= WEAK * joint.effort:
-            text = (
-                f"the motor of {joint.name} is at its limit of {effort:.3g} "
-                f"{units(joint)[1]}"
-            )
-            yield Event("saturation", time, (joint.name,), text)
-
-
-def _lags(run: Run) -> Iterator[Event]:
-    """Find joints that lag."""
-    for column, first, _ in _lagging(run):
-        joint, errors = run.joints[column], run.errors[:, column]
-        text = (
-            f"{joint.name} is up to {np.nanmax(np.abs(errors)):.2f} "
-            f"{units(joint)[0]} off its command"
-        )
-        yield Event("lag", float(run.times[first]), (joint.name,), text)
-
-
-def _low_gains(run: Run) -> Iterator[Event]:
-    """Find joints that lag alone although their motors could give more."""
-    efforts = run.efforts
-    if efforts is None:
-        return
-    errors = np.nan_to_num(np.abs(run.errors))
-    saturated = {column for column, *_ in _saturated(run)}
-    for column, first, last in _lagging(run):
-        joint, size = run.joints[column], np.abs(efforts[first : last + 1, column])
-        given = float(np.median(size))
-        lag = first + int((errors[first:, column] > LAG).argmax())
-        is_alone = (np.delete(errors[lag], column) < LAG / 2.0).all()
-        if column not in saturated and is_alone and given < LITTLE * joint.effort:
-            unit, effort = units(joint)
-            error = errors[first : last + 1, column].max()
-            text = (
-                f"{joint.name} is up to {error:.2f} {unit} off its command while its "
-                f"motor gives {given:.3g} of {joint.effort:.3g} {effort}: its gains "
-                "are too low"
-            )
-            yield Event("low_gain", float(run.times[first]), (joint.name,), text)
-
-
-def _lagging(run: Run) -> Iterator[tuple[int, int, int]]:
-    """List joints that lag, with the first and last row of the first time."""
-    errors = np.nan_to_num(np.abs(run.errors))
-    for column in range(len(run.joints)):
-        for first, last in _longer(run.times, errors[:, column] > LAG, PUSH_TIME):
-            near = np.flatnonzero(errors[:first, column] < MOVED)
-            yield column, int(near[-1]) + 1 if len(near) else 0, last
-            break
-
-
-# --- feet ---
-
-
-def _slips(run: Run) -> Iterator[Event]:
-    """Find feet that slide along the floor."""
-    ground = run.measured.ground if run.stands else None
-    if ground is None:
-        return
-    touches = ground.in_contact
-    touches = touches & (ground.heights <= run.robot.thresholds.contact_height)
-    ways = np.nan_to_num(drifts(ground.steps, touches))
-    for column in np.flatnonzero(ways.max(axis=0) > SLIP):
-        worst = int((ways[:, column] > SLIP).argmax())
-        still = np.flatnonzero(ways[:worst, column] < SLIP / 4.0)
-        begin = int(still[-1]) if len(still) else 0
-        link = run.measured.ground_links[column]
-        text = f"{link} slips, by up to {ways[:, column].max():.2f} m"
-        yield Event("slip", float(run.measured.times[begin]), (link,), text)
-
-
-def _lost_contacts(run: Run) -> Iterator[Event]:
-    """Find feet that leave the floor and are meant to stand."""
-    ground = run.measured.ground if run.stands else None
-    if ground is None or not ground.in_contact[0].any():
-        return
-    meant = np.ones_like(ground.in_contact)
-    if run.wanted is not None and run.wanted.ground is not None:
-        names, wanted = list(run.wanted.ground_links), run.wanted.ground.heights
-        low = wanted.min(axis=1)
-        for column, link in enumerate(run.measured.ground_links):
-            if link in names:
-                own = wanted[:, names.index(link)]
-                meant[:, column] = own < low + RAISED
-            else:
-                meant[:, column] = False
-    for column in np.flatnonzero(ground.in_contact[0]):
-        is_lost = ~ground.in_contact[:, column] & meant[:, column]
-        for first, _ in _longer(run.measured.times, is_lost, LOST_TIME):
-            link = run.measured.ground_links[column]
-            text = f"{link} leaves the floor"
-            time = float(run.measured.times[first])
-            yield Event("lost_contact", time, (link,), text)
-            break
-
-
-def _unbalanced(run: Run) -> Iterator[Event]:
-    """Find when the centre of mass leaves the support for good."""
-    balance = run.measured.balance if run.stands else None
-    if balance is None:
-        return
-    margin = np.nan_to_num(balance.center_margin, nan=1.0)
-    inside = np.flatnonzero(margin >= 0.0)
-    first = int(inside[-1]) + 1 if len(inside) else 0
-    if first < len(margin):
-        text = "the centre of mass leaves the support polygon"
-        yield Event("unbalanced", float(run.measured.times[first]), (), text)
-
-
-def _longer(times: np.ndarray, mask: np.ndarray, least: float) -> list[tuple[int, int]]:
-    """List the intervals of samples that last for a time in [s] at least."""
-    return [(a, b) for a, b in runs(mask) if times[b] - times[a] >= least]
-
-
 SYMPTOMS = ("lag", "saturation", "lost_contact", "slip", "unbalanced")
 
 CAUSES = (
     Cause(
         "late_commands",
         "a stream of commands pauses for more than 0.1 s and five of its periods",
-        _late_commands,
+        late_commands,
         ("command_jump", "push", "low_gain", "infeasible_commands", *SYMPTOMS),
     ),
     Cause(
         "command_jump",
         "a command changes by more than 0.15 rad within 0.04 s",
-        _command_jumps,
+        command_jumps,
         ("push", "low_gain", "infeasible_commands", *SYMPTOMS),
     ),
     Cause(
         "starts_high",
-        "no link is in contact at first, and the lowest is above 0.02 m",
-        _starts_high,
+        "no link is in contact at first, the lowest is above 0.02 m, and it drops",
+        starts_high,
         ("push", "low_gain", "infeasible_commands", *SYMPTOMS),
         lasts=True,
     ),
     Cause(
         "push",
         "motion and efforts fit only with a force on the root link, 0.12 of the weight",
-        _pushed,
+        pushed,
         ("low_gain", *SYMPTOMS),
     ),
     Cause(
         "load",
         "motion and efforts fit only with 15 N or more in a hand",
-        _loads,
+        loads,
         ("low_gain", "push", *SYMPTOMS),
         lasts=True,
     ),
     Cause(
         "weak_motor",
         "an effort below its limit stays the same while the tracking error changes",
-        _weak_motors,
+        weak_motors,
         ("low_gain", "push", *SYMPTOMS),
         lasts=True,
     ),
     Cause(
         "low_gain",
         "a joint lags by 0.1 rad while its motor gives less than half of its limit",
-        _low_gains,
+        low_gains,
         ("push", *SYMPTOMS),
         lasts=True,
     ),
     Cause(
         "infeasible_commands",
         "the commanded motion has a finding of `contact_forces`",
-        _infeasible_commands,
+        infeasible_commands,
         SYMPTOMS,
     ),
     Cause(
         "saturation",
         "a motor is at its limit while the tracking error changes",
-        _saturations,
+        saturations,
         ("lag", "lost_contact", "unbalanced"),
     ),
-    Cause("lag", "a joint lags by 0.1 rad", _lags, ("lost_contact", "unbalanced")),
+    Cause("lag", "a joint lags by 0.1 rad", lags, ("lost_contact", "unbalanced")),
     Cause(
         "slip",
         "a foot in contact moves along the floor by more than 0.02 m",
-        _slips,
+        slips,
         ("lost_contact", "unbalanced", "lag", "saturation"),
     ),
     Cause(
         "lost_contact",
         "a foot leaves the floor, and is not meant to",
-        _lost_contacts,
+        lost_contacts,
         ("unbalanced", "lag", "saturation"),
     ),
     Cause(
         "unbalanced",
         "the centre of mass leaves the support polygon and does not come back",
-        _unbalanced,
+        unbalanced,
         ("lost_contact", "lag", "saturation", "slip"),
     ),
 )

@@ -20,6 +20,7 @@ from g1_description.motion.history import CommandStream
 from g1_description.motion.history_chunks import Stretch
 from g1_description.motion.motion import Motion
 from g1_description.motion.tracking import FallDetector, FallLimits
+from g1_description.robot.dynamics import GRAVITY
 from g1_description.robot.transform import compose, inverse
 from g1_description.sim.rollout import Rollout
 from g1_description.text import listed
@@ -39,6 +40,9 @@ ASTRAY, TURNED = 0.15, 0.3
 PLACED, PLACED_SPEED = 0.05, 10.0
 """A base that moves this far in [m] and this fast in [m/s] between two states was put
 there."""
+
+DROPS, LANDS = 1.5, 0.1
+"""Longest time of a drop as a multiple of that of a free fall, and more in [s]."""
 
 NEEDS = ("ground", "balance", "forces", "efforts")
 """What is measured of its motions."""
@@ -91,11 +95,6 @@ class Run:
         """Return poses of the base, shape (n, 7)."""
         return _whole(None if self.robot.is_fixed else self.states.base_poses)
 
-    @property
-    def desired_bases(self) -> np.ndarray | None:
-        """Return commanded poses of the base, shape (n, 7)."""
-        return _whole(self.states.commanded_bases)
-
     @cached_property
     def efforts(self) -> np.ndarray | None:
         """Efforts of the motors in [N m] or [N], shape (n, m)."""
@@ -108,7 +107,7 @@ class Run:
         missing = {
             "efforts of the motors": self.efforts is None,
             "commands": bool(np.isnan(self.desired).all()),
-            "how it stands": not self.stands,
+            "how it stands": not (self.stands or self.robot.is_fixed),
         }
         names = listed(name for name, is_missing in missing.items() if is_missing)
         return f"Not known: {names}." if names else ""
@@ -134,25 +133,38 @@ class Run:
         needs = [need for need in NEEDS if not self.robot.lacks(need, motion)]
         return measure(self.robot, motion, needs, {})
 
-    @property
+    @cached_property
     def stands(self) -> bool:
-        """Whether it is known how the robot stands on the floor."""
-        return len(self.times) > 1 and self.measured.balance is not None
+        """Whether it is known how the robot stands: on the floor, if not above it.
+
+        What is in the air at first, and does not drop, stands on something unknown.
+        """
+        ground = self.measured.ground
+        if ground is None or self.measured.balance is None:
+            return False
+        height = max(float(ground.heights[0].min()), 0.0)
+        time = DROPS * np.sqrt(2.0 * height / GRAVITY) + LANDS
+        is_first = self.measured.times <= self.times[0] + time
+        return bool(ground.in_contact[is_first].any())
 
     @cached_property
     def external(self) -> dict[str, np.ndarray] | None:
         """Forces by link that neither floor nor motors explain, shape (k, 3)."""
         is_whole = len(self.joints) == len(self.robot.joints)
-        if self.efforts is None or not (is_whole and self.stands):
+        if self.efforts is None or not is_whole or self.measured.balance is None:
             return None
         period = np.ptp(self.times) / (len(self.times) - 1)
         reach = int(self.robot.thresholds.window / max(period, 1e-9) + 0.5)
+        reach = min(reach, (len(self.times) - 1) // 2)
         kernel = 1.0 - np.abs(np.arange(-reach, reach + 1)) / (reach + 1)
         counts = np.convolve(np.ones(len(self.times)), kernel, "same")
         means = [np.convolve(e, kernel, "same") / counts for e in self.efforts.T]
-        names = [joint.name for joint in self.joints]
-        order = [names.index(joint.name) for joint in self.robot.joints]
-        return external_forces(self.measured, np.array(means).T[self._few][:, order])
+        by_name = dict(zip((joint.name for joint in self.joints), means))
+        efforts = [
+            np.interp(self.measured.times, self.times, by_name[joint.name])
+            for joint in self.robot.joints
+        ]
+        return external_forces(self.measured, np.array(efforts).T)
 
     @cached_property
     def wanted(self) -> Measured | None:
@@ -162,7 +174,7 @@ class Run:
         """
         if not self.stands or np.isnan(self.desired).any():
             return None
-        motion = self._motion(self.desired, self.desired_bases)
+        motion = self._motion(self.desired, _whole(self.states.commanded_bases))
         if motion.base_poses is None:
             ground = self.measured.ground
             assert ground is not None
@@ -197,31 +209,47 @@ def failed_run(
         What was before; None if nothing failed.
     """
     given = commands, effort_limits or {}
-    run = Run(robot, states, *given)
-    found = _fall(run, fall_limits or FallLimits()) or min(_strays(run), default=None)
+    if states.base_poses is not None:  # states without a base say nothing of a fall
+        is_known = ~np.isnan(states.base_poses).any(axis=1)
+        states = states.rows(is_known) if is_known.any() else states
+    whole, limits = Run(robot, states, *given), fall_limits or FallLimits()
+    begins = _begins(whole)
+    ends = [*begins[1:], len(whole.times)]
+    falls = (_fall(whole, *span, limits) for span in zip(begins[::-1], ends[::-1]))
+    found = next(filter(None, falls), None) or min(_strays(whole), default=None)
     if found is None:
         return None
     failed, text = found
-    first = int(np.searchsorted(run.times, run.times[failed] - BEFORE))
-    if states.base_poses is not None:
-        places = states.base_poses[first : failed + 1, :3]
-        steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
-        fast = steps > PLACED_SPEED * np.diff(run.times[first : failed + 1])
-        first += int(np.append(np.flatnonzero(fast & (steps > PLACED)), -1).max()) + 1
-    part = Run(robot, states.rows(slice(first, failed + 1)), *given)
-    part.end, part.failure = float(run.times[failed]), text
-    return part
+    first = int(np.searchsorted(whole.times, whole.times[failed] - BEFORE))
+    first = max([first, *(begin for begin in begins if begin <= failed)])
+    run = Run(robot, states.rows(slice(first, failed + 1)), *given)
+    run.end, run.failure = float(whole.times[failed]), text
+    return run
 
 
-def _fall(run: Run, limits: FallLimits) -> tuple[int, str] | None:
-    """Find the row of the last fall."""
-    bases, desired = run.bases, run.desired_bases
-    if bases is None:
+def _begins(run: Run) -> list[int]:
+    """List the first row, and those at which the robot was placed."""
+    if run.bases is None:
+        return [0]
+    steps = np.linalg.norm(np.diff(run.bases[:, :3], axis=0), axis=1)
+    is_placed = (steps > PLACED_SPEED * np.diff(run.times)) & (steps > PLACED)
+    return [0, *(np.flatnonzero(is_placed) + 1).tolist()]
+
+
+def _fall(run: Run, first: int, end: int, limits: FallLimits) -> tuple[int, str] | None:
+    """Find the row of the last fall in a range of rows."""
+    if run.bases is None:
         return None
-    begin = bases[0], None if desired is None else desired[0]
-    has_fallen = FallDetector(*begin, limits).has_fallen(bases, desired)
+    bases, desired = run.bases[first:end], run.states.commanded_bases
+    has_fallen = FallDetector(bases[0], None, limits).has_fallen(bases, None)
+    if desired is not None:
+        wanted = desired[first:end]
+        rows = np.flatnonzero(~np.isnan(wanted).any(axis=1))
+        if len(rows):
+            detector = FallDetector(bases[rows[0]], wanted[rows[0]], limits)
+            has_fallen[rows] = detector.has_fallen(bases[rows], wanted[rows])
     falls = np.flatnonzero(has_fallen[1:] & ~has_fallen[:-1])
-    return (int(falls[-1]) + 1, "the robot falls") if len(falls) else None
+    return (first + int(falls[-1]) + 1, "the robot falls") if len(falls) else None
 
 
 def _strays(run: Run) -> list[tuple[int, str]]:
@@ -232,14 +260,16 @@ def _strays(run: Run) -> list[tuple[int, str]]:
         joint = run.joints[column]
         text = f"{joint.name} is {ERROR} {units(joint)[0]} off its command"
         found.append((int((errors[:, column] > ERROR).argmax()), text))
-    bases, desired = run.bases, run.desired_bases
-    if bases is not None and desired is not None:
+    desired = run.states.commanded_bases
+    if run.bases is not None and desired is not None:
+        rows = np.flatnonzero(~np.isnan(desired).any(axis=1))
+        bases, desired = run.bases[rows], desired[rows]
         away = np.linalg.norm((bases - desired)[:, :2], axis=1)
         turns = rotation_vectors(desired[:, 3:], bases[:, 3:])
         is_astray = (away > ASTRAY) | (np.linalg.norm(turns, axis=1) > TURNED)
         if is_astray.any():
             text = f"the base is {ASTRAY} m or {TURNED} rad off its command"
-            found.append((int(is_astray.argmax()), text))
+            found.append((int(rows[is_astray.argmax()]), text))
     return found
 
 
