@@ -104,7 +104,7 @@ class Checker:
                 link = link and named_link(description, link, name)
                 self._limbs[name] = self._limbs.get(link, name)
         self._grouping = {rule.name: rule.grouping for rule in RULES}
-        self._robot = CheckedRobot(
+        self.checked_robot = CheckedRobot(
             description, self.thresholds, self.collisions, fixed_base, obstacles
         )
 
@@ -182,7 +182,7 @@ class Checker:
             UnknownNameError: If the robot has no such joint, or there is no such check.
             MotionError: If a value is not finite.
         """
-        known = [joint.name for joint in self._robot.joints]
+        known = [joint.name for joint in self.checked_robot.joints]
         for name in positions:
             if name not in known:
                 raise UnknownNameError(
@@ -206,10 +206,10 @@ class Checker:
         Raises:
             MotionError: If they cannot be found.
         """
-        why = unknown_forces(self._robot, motion)
+        why = unknown_forces(self.checked_robot, motion)
         if why:
             raise MotionError(f"Contact forces are unknown: {why}.")
-        return measure(self._robot, motion, ("forces",), {}).once(forces)
+        return measure(self.checked_robot, motion, ("forces",), {}).once(forces)
 
     def explain(
         self,
@@ -234,7 +234,7 @@ class Checker:
         if played is not None and self.physics is not None:
             limits = self.physics.fall_limits
             bounds = dict(zip(played.joint_names, played.effort_limits.tolist()))
-        run = failed_run(self._robot, states, commands, limits, bounds)
+        run = failed_run(self.checked_robot, states, commands, limits, bounds)
         return None if run is None else explain(run)
 
     def _rules(
@@ -249,7 +249,7 @@ class Checker:
                     f"Unknown check '{name}'. Known checks: {known}."
                 )
         return {
-            rule: rule.skipped(self._robot, motion)
+            rule: rule.skipped(self.checked_robot, motion)
             for rule in rules.values()
             if not only or rule.name in only
         }
@@ -264,7 +264,7 @@ class Checker:
         made = [rule for rule, why in rules.items() if not why]
         needs = {need for rule in made for need in rule.needs}
         own = {rule.name: rule.measure for rule in made if rule.measure is not None}
-        return measure(self._robot, motion, needs, own, objects)
+        return measure(self.checked_robot, motion, needs, own, objects)
 
     def _play(self, measured: Measured, rules: dict[Rule, str]) -> None:
         """Simulate a motion; if that fails, skip the rules that need it."""

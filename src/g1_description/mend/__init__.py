@@ -1,0 +1,1 @@
+"""Mending motions: what checks find is removed with small changes."""

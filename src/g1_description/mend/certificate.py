@@ -1,0 +1,188 @@
+"""What mending changed: findings before and after, and how far everything moved."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from g1_description.checks.measured import CheckedRobot, Measured
+from g1_description.checks.verdict import FAILED, Verdict
+from g1_description.motion.motion import Motion
+from g1_description.robot.rotation import angle_between
+
+LARGER = 1.1
+"""A failure is larger from this multiple of its worst size on."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """The findings of one check."""
+
+    check: str
+    failures: tuple[int, int]
+    """Before and after."""
+
+    warnings: tuple[int, int]
+    worst: tuple[float, float]
+    """Sizes of the worst findings; NaN without one."""
+
+    unit: str
+
+    @property
+    def is_worse(self) -> bool:
+        """Whether there is a new failure, or a larger one."""
+        if self.failures[1] > self.failures[0]:
+            return True
+        return self.failures[1] > 0 and self.worst[1] > LARGER * self.worst[0]
+
+
+@dataclass(frozen=True)
+class Moved:
+    """How far a part of the robot was moved."""
+
+    name: str
+    rms: float
+    largest: float
+    time: float
+    """When it was the largest, in [s]."""
+
+    unit: str
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """A mended motion in comparison with the one before."""
+
+    rows: tuple[Row, ...]
+    """Checks with findings before or after."""
+
+    moved: tuple[Moved, ...]
+    """Empty if nothing was changed."""
+
+    left: tuple[str, ...]
+    """Sentences on what was not mended, and why."""
+
+    @property
+    def is_worse(self) -> bool:
+        """Whether a check has a new failure, or a larger one."""
+        return any(row.is_worse for row in self.rows)
+
+    @property
+    def failures(self) -> tuple[int, int]:
+        """Numbers of failures before and after."""
+        counts = [row.failures for row in self.rows]
+        return sum(a for a, _ in counts), sum(b for _, b in counts)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it for JSON."""
+        return {
+            "findings": {
+                row.check: {
+                    "failures": list(row.failures),
+                    "warnings": list(row.warnings),
+                    "worst": [None if np.isnan(x) else x for x in row.worst],
+                    "unit": row.unit,
+                }
+                for row in self.rows
+            },
+            "moved": [vars(one) for one in self.moved],
+            "left": list(self.left),
+        }
+
+    def __str__(self) -> str:
+        """Write both tables, and what was left."""
+        if not self.moved:
+            lines = ["nothing is changed."]
+        else:
+            head = ("check", "failures", "warnings", "worst")
+            table = [head, *map(_cells, self.rows)]
+            lines = _aligned(table)
+            head = ("moved", "rms", "largest", "when")
+            lines += ["", *_aligned([head, *map(_moved_cells, self.moved)])]
+        return "\n".join([*lines, *(f"left: {text}" for text in self.left)])
+
+
+def _cells(row: Row) -> tuple[str, ...]:
+    """Write the cells of a check."""
+    sizes = ["-" if np.isnan(size) else f"{size:.4g}" for size in row.worst]
+    pairs = (row.failures, row.warnings, sizes)
+    return (
+        row.check,
+        *(f"{a} -> {b}" for a, b in pairs[:2]),
+        f"{sizes[0]} -> {sizes[1]} {row.unit}".rstrip(),
+    )
+
+
+def _moved_cells(one: Moved) -> tuple[str, ...]:
+    """Write the cells of a moved part."""
+    return (
+        one.name,
+        f"{one.rms:.4f} {one.unit}",
+        f"{one.largest:.4f} {one.unit}",
+        f"{one.time:.2f} s",
+    )
+
+
+def _aligned(table: list[tuple[str, ...]]) -> list[str]:
+    """Write rows with aligned columns."""
+    widths = [max(map(len, column)) for column in zip(*table)]
+    return [
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip()
+        for row in table
+    ]
+
+
+def rows_of(before: Verdict, after: Verdict) -> tuple[Row, ...]:
+    """Compare the findings of two verdicts by check."""
+    found = {
+        finding.check: finding.unit for finding in (*before.findings, *after.findings)
+    }
+    rows = []
+    for check, unit in found.items():
+        pair = [[f for f in v.findings if f.check == check] for v in (before, after)]
+        failed = [sum(f.severity == FAILED for f in some) for some in pair]
+        worst = [max((f.worst for f in some), default=np.nan) for some in pair]
+        rows.append(
+            Row(
+                check,
+                (failed[0], failed[1]),
+                (len(pair[0]) - failed[0], len(pair[1]) - failed[1]),
+                (worst[0], worst[1]),
+                unit,
+            )
+        )
+    return tuple(rows)
+
+
+def moved_parts(
+    robot: CheckedRobot, before: Motion, after: Motion
+) -> tuple[Moved, ...]:
+    """Measure how far joints, base, and ends of limbs moved; none: empty."""
+    times, rotations = before.times, None
+    joints = np.abs(after.positions - before.positions)
+    found = [_moved("joints", joints, times, "rad")]
+    if before.base_poses is not None and after.base_poses is not None:
+        away = np.linalg.norm((after.base_poses - before.base_poses)[:, :3], axis=1)
+        rotations = angle_between(before.base_poses[:, 3:], after.base_poses[:, 3:])
+        found.append(_moved("base", away[:, np.newaxis], times, "m"))
+        found.append(_moved("base's rotation", rotations[:, np.newaxis], times, "rad"))
+    poses = []
+    for motion in (before, after):
+        measured = Measured(robot, motion)
+        base, positions = measured.at(motion.times)[:2]
+        poses.append(robot.kinematics.link_poses(base, positions))
+    above = robot.kinematics.joints_above
+    ends = np.flatnonzero(robot.kinematics.end_links() & above.any(axis=1))
+    for row in ends[np.sort(np.unique(above[ends], axis=0, return_index=True)[1])]:
+        away = np.linalg.norm((poses[1] - poses[0])[:, row, :3], axis=1)
+        found.append(_moved(robot.links[row], away[:, np.newaxis], times, "m"))
+    return tuple(found) if any(one.largest > 0.0 for one in found) else ()
+
+
+def _moved(name: str, sizes: np.ndarray, times: np.ndarray, unit: str) -> Moved:
+    """Summarize distances, shape (n, k)."""
+    row = int(sizes.max(axis=1).argmax())
+    rms = float(np.sqrt((sizes**2).mean()))
+    return Moved(name, rms, float(sizes.max()), float(times[row]), unit)

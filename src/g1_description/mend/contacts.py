@@ -1,0 +1,137 @@
+"""How feet and hands stand, and how they should."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from g1_description.checks.intervals import runs
+from g1_description.checks.measured import CheckedRobot, Measured
+from g1_description.robot.rotation import to_axes
+
+FLAT = 0.01
+"""Points of a link up to this height above its lowest one stand, too, in [m]."""
+
+DRAG, SLOW = 0.3, 0.1
+"""A foot that is dragged along the floor reaches the first speed, and is faster than
+the second one, in [m/s]."""
+
+LOW = 0.05
+"""Height up to which points move along the floor as before, in [m]: a change of their
+speed would be a slip."""
+
+MOMENT, NEAR = 0.5, 0.04
+"""A robot that has no contact for less than this time in [s], and a link as near to the
+floor, in [m], stands on it."""
+
+MOST_POINTS = 12
+"""Most points of a link that are looked at: those that are the lowest most often."""
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """A link that is in contact at times; n samples, k points of the link."""
+
+    link: int
+    """Row of the link."""
+
+    points: np.ndarray
+    """In the link's frame in [m], shape (k, 3)."""
+
+    radii: np.ndarray
+    """The floor is touched this far below the points, in [m], shape (k,)."""
+
+    stands: np.ndarray
+    """Whether a point is in contact, shape (n, k)."""
+
+    drags: np.ndarray
+    """Whether the link is dragged over the floor while another one stands, shape
+    (n,)."""
+
+    moves: np.ndarray
+    """Whether a point is near the floor and moves along it as before, shape (n, k)."""
+
+    offsets: np.ndarray
+    """Heights of points above the lowest one of the link, which stay, in [m], shape
+    (n, k)."""
+
+
+def placed_points(poses: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Place points of a link in the map.
+
+    Args:
+        poses: Of the link, shape (n, 7).
+        points: In its frame, shape (k, 3).
+
+    Returns:
+        Shape (n, k, 3).
+    """
+    turned = points @ np.swapaxes(to_axes(poses[:, 3:]), 1, 2)
+    return np.asarray(turned + poses[:, np.newaxis, :3])
+
+
+def standings(measured: Measured) -> list[Standing]:
+    """Find the links in contact, at the samples of a motion."""
+    robot, ground, motion = measured.robot, measured.ground, measured.motion
+    assert ground is not None
+    at = np.searchsorted(measured.times, motion.times)
+    base, positions = measured.at(motion.times)[:2]
+    poses = robot.kinematics.link_poses(base, positions)
+    in_contact = (ground.in_contact | robot.ground.lonely(ground, measured.times))[at]
+    steps = np.linalg.norm(ground.steps[at], axis=-1)
+    gaps = np.diff(motion.times, append=2.0 * motion.times[-1] - motion.times[-2])
+    speeds = steps / gaps[:, np.newaxis]
+    _fill_gaps(in_contact, ground.heights[at], motion.times)
+    drags = np.stack([_dragged(*pair) for pair in zip(in_contact.T, speeds.T)], axis=1)
+    found = []
+    for column in np.flatnonzero(in_contact.any(axis=0)):
+        link = int(robot.ground.rows[ground.columns[column]])
+        touches, others = in_contact[:, column], in_contact & ~drags
+        others[:, column] = False
+        points, radii = _points(robot, link, poses[touches, link])
+        heights = placed_points(poses[:, link], points)[..., 2] - radii
+        offsets = heights - heights.min(axis=1, keepdims=True)
+        stands = (touches & ~drags[:, column])[:, np.newaxis] & (offsets < FLAT)
+        lifts = drags[:, column] & others.any(axis=1)
+        moves = (heights < LOW) & ~stands
+        found.append(Standing(link, points, radii, stands, lifts, moves, offsets))
+    return found
+
+
+def _fill_gaps(in_contact: np.ndarray, heights: np.ndarray, times: np.ndarray) -> None:
+    """Let the lowest link stand where none does for a moment, but near the floor.
+
+    Args:
+        in_contact: Shape (n, n_links); is changed.
+        heights: Heights of the links' lowest points in [m], shape (n, n_links).
+        times: In [s], shape (n,).
+    """
+    lowest = heights.argmin(axis=1)
+    for first, last in runs(~in_contact.any(axis=1)):
+        rows = np.arange(first, last + 1)
+        is_near = heights[rows, lowest[rows]] < NEAR
+        if times[last] - times[first] < MOMENT and is_near.all():
+            in_contact[rows, lowest[rows]] = True
+
+
+def _dragged(touches: np.ndarray, speeds: np.ndarray) -> np.ndarray:
+    """Mark the samples of a contact in which a link is dragged, shape (n,)."""
+    found = np.zeros(len(touches), dtype=bool)
+    for first, last in runs(touches & (speeds > SLOW)):
+        if speeds[first : last + 1].max() > DRAG:
+            found[first : last + 1] = True
+    return found
+
+
+def _points(
+    robot: CheckedRobot, link: int, poses: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Choose the points of a link that are the lowest, and their radii."""
+    shapes = [shape for shape in robot.collisions.shapes if shape.link == link]
+    points = np.concatenate([shape.points for shape in shapes])
+    radii = np.concatenate([np.full(len(s.points), s.radius) for s in shapes])
+    heights = placed_points(poses, points)[..., 2] - radii
+    low = (heights - heights.min(axis=1, keepdims=True) < FLAT).sum(axis=0)
+    order = np.sort(np.argsort(-low, kind="stable")[:MOST_POINTS])
+    return points[order], radii[order]

@@ -1,0 +1,380 @@
+"""Corrections of base and joints: feet, floor, limits, collisions, speed and balance."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from g1_description.checks.measured import CheckedRobot, Measured
+from g1_description.checks.support import nearest_point, support_margin, support_polygon
+from g1_description.mend.body import N_BASE, Change, Placed, changed
+from g1_description.mend.contacts import LOW, placed_points, standings
+from g1_description.motion.motion import Motion
+from g1_description.robot.transform import compose, inverse
+
+ROUNDS = 12
+"""Rounds of Gauss and Newton's method."""
+
+FURTHEST, ENOUGH = 0.2, 2e-5
+"""Largest change in a round, and one with which it ends, in [rad] or [m]."""
+
+PIECE, OVERLAP = 1500, 100
+"""Samples that are solved for together, and those of them that the next piece has."""
+
+JOINT, PLACE, TURN = 0.1, 0.1, 0.15
+"""Tolerances of changes: of joints in [rad] or [m], of the base in [m] and [rad]."""
+
+SMOOTH = (1.0, 2.0, 6.0)
+"""Tolerances of accelerations of the change: of the base in [m/s^2] and [rad/s^2], and
+of joints in [rad/s^2] or [m/s^2]."""
+
+START = 1e-3
+"""Tolerance of the place of feet at the first sample, or else of that and the heading
+of the base, in [m] and [rad]."""
+
+LOCK, MOVE, HEIGHT, DEPTH, BOUND, RATE, CENTER, HAND = (
+    1e-4,
+    1e-3,
+    2e-4,
+    3e-4,
+    1e-4,
+    1e-4,
+    1e-3,
+    3e-3,
+)
+"""Tolerances: of a foot that stands from a sample to the next, of one that moves, of heights, distances, limits, steps
+of joints, the centre of mass, and paths of hands, in [m] or [rad]."""
+
+ALONE = 5e-3
+"""Tolerance of heights where nothing is corrected, in [m]."""
+
+LIFTED = 0.012
+"""Height of a foot that was dragged, in [m]."""
+
+APART, MARGIN = 5e-4, 0.03
+"""Distance of links that were pushed apart, and up to which it is measured, in [m]."""
+
+WITHIN = 0.005
+"""Distance of the centre of mass from the edge of the support polygon, in [m]."""
+
+FAR = 0.05
+"""A centre of mass farther out, in [m], is not moved inwards: it is no standstill."""
+
+SPEED = 0.98
+"""Fraction of the limit that joints reach which were too fast."""
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """How far a motion may be changed."""
+
+    change: float = np.inf
+    """Of joints, in [rad] or [m]."""
+
+    base: float = np.inf
+    """Of the base, in [m]."""
+
+
+class Correction:
+    """Finds the change of a motion that removes what is wrong with it."""
+
+    def __init__(
+        self,
+        measured: Measured,
+        parts: Collection[str],
+        keeps_hands: bool = False,
+    ) -> None:
+        """Find what has to be corrected.
+
+        Args:
+            measured: The motion, with ground, balance and self-collisions.
+            parts: What is corrected, of ``feet``, ``limits``, ``collisions``, ``speed``
+                and ``balance``.
+            keeps_hands: Whether the ends of arms keep their paths.
+        """
+        self._measured, self._parts = measured, parts
+        self._robot: CheckedRobot = measured.robot
+        motion = measured.motion
+        self._times = motion.times
+        self._bases, self._positions = measured.at(motion.times)[:2]
+        self._poses = self._robot.kinematics.link_poses(self._bases, self._positions)
+        self._has_base = motion.base_poses is not None
+        self._moved = np.isin(
+            [joint.name for joint in self._robot.joints], motion.joint_names
+        )
+        on_floor = self._has_base and measured.ground is not None
+        self._standings = standings(measured) if on_floor else []
+        self._hands = self._ends() if keeps_hands else []
+        self._tips = self._unbalanced()
+        self._total: np.ndarray | None = None
+        self.left_alone = np.zeros(len(self._times), dtype=bool)
+        """Samples at which nothing is corrected."""
+
+    def _ends(self) -> list[int]:
+        """List the rows of the ends of limbs that never stand."""
+        kinematics = self._robot.kinematics
+        above = kinematics.joints_above
+        ends = np.flatnonzero(kinematics.end_links() & above.any(axis=1))
+        firsts = np.unique(above[ends], axis=0, return_index=True)[1]
+        used = {standing.link for standing in self._standings}
+        return [int(row) for row in ends[np.sort(firsts)] if row not in used]
+
+    def _unbalanced(self) -> np.ndarray:
+        """Mark the samples at which the robot is still and out of balance."""
+        balance = self._measured.balance
+        if balance is None:
+            return np.zeros(len(self._times), dtype=bool)
+        at = np.searchsorted(self._measured.times, self._times)
+        margin = np.where(balance.is_still, balance.center_margin, np.nan)
+        with np.errstate(invalid="ignore"):
+            return np.asarray(((margin < WITHIN) & (margin > -FAR))[at])
+
+    def find(self) -> Motion:
+        """Return the corrected motion."""
+        self._wrong: dict[object, np.ndarray] = {}
+        count, size = len(self._times), N_BASE + len(self._moved)
+        total = np.zeros((count, size)) if self._total is None else self._total
+        first = 0
+        while True:
+            last = min(first + PIECE, count)
+            total[first:last] = self._piece(first, last, total[first:last])
+            if last == count:
+                break
+            first = last - OVERLAP
+        self._total = total
+        bases, positions = changed(self._bases, self._positions, total)
+        positions = np.clip(positions, *self._limits(slice(0, count)))
+        return self._motion(bases, positions)
+
+    def _limits(self, rows: slice) -> tuple[np.ndarray, np.ndarray]:
+        """Return the limits of joints, shapes (n, n_joints).
+
+        What is left alone may stay as far beyond them as it was.
+        """
+        joints, was = self._robot.joints, self._positions[rows]
+        lower = np.array([joint.lower for joint in joints])
+        upper = np.array([joint.upper for joint in joints])
+        alone = self.left_alone[rows, np.newaxis] | ~self._moved
+        return (
+            np.where(alone, np.minimum(lower, was), lower),
+            np.where(alone, np.maximum(upper, was), upper),
+        )
+
+    def _motion(self, bases: np.ndarray, positions: np.ndarray) -> Motion:
+        """Return a motion with the joints and base that the given one has."""
+        motion, names = self._measured.motion, [j.name for j in self._robot.joints]
+        columns = [names.index(name) for name in motion.joint_names]
+        roots = None
+        if self._has_base:
+            roots = compose(bases, inverse(self._robot.T_base_root))
+        return replace(
+            motion, positions=positions[:, columns], velocities=None, base_poses=roots
+        )
+
+    def _piece(self, first: int, last: int, before: np.ndarray) -> np.ndarray:
+        """Solve for some samples; the first ones may be solved already."""
+        rows = slice(first, last)
+        done, fixed = before.copy(), OVERLAP if first else 0
+        for _ in range(ROUNDS):
+            at = changed(self._bases[rows], self._positions[rows], done)
+            placed = Placed(self._robot, *at)
+            change = Change(*done.shape[:1], len(self._moved))
+            change.keep_small(self._small(last - first, fixed, first), done)
+            change.keep_smooth(self._smooth(rows), done)
+            self._add_feet(change, placed, rows)
+            self._add_bounds(change, placed, rows)
+            self._add_contacts(change, placed, rows)
+            self._add_centers(change, placed, rows)
+            self._add_hands(change, placed, rows)
+            step = change.solve()
+            largest = float(np.abs(step).max())
+            done = done + min(1.0, FURTHEST / max(largest, FURTHEST)) * step
+            if largest < ENOUGH:
+                break
+        return done
+
+    def _small(self, count: int, fixed: int, first: int) -> np.ndarray:
+        """Weigh the sizes of changes, shape (count, size)."""
+        own = np.concatenate([[PLACE] * 3, [TURN] * 3, [JOINT] * len(self._moved)])
+        weights = np.tile(1.0 / own, (count, 1))
+        weights[:, N_BASE:][:, ~self._moved] = 1e6
+        if not self._has_base:
+            weights[:, :N_BASE] = 1e6
+        if first == 0 and not any(one.stands[0].any() for one in self._standings):
+            weights[0, [0, 1, 5]] = 1.0 / START
+        weights[:fixed] = 1e6
+        return weights
+
+    def _smooth(self, rows: slice) -> np.ndarray:
+        """Weigh the curvature of changes, shape (size,)."""
+        step = (
+            float(np.median(np.diff(self._times[rows])))
+            if self._times[1:].size
+            else 1.0
+        )
+        own = np.repeat(SMOOTH, [3, 3, len(self._moved)])
+        return np.asarray(1.0 / (own * step**2))
+
+    def _active(self, rows: slice, mask: np.ndarray) -> np.ndarray:
+        """Return the samples of a piece at which something is corrected."""
+        return np.flatnonzero(mask[rows] & ~self.left_alone[rows])
+
+    def _add_feet(self, change: Change, placed: Placed, rows: slice) -> None:
+        """Keep feet where they stand, at the height of the floor."""
+        floor = self._robot.thresholds.floor_height
+        for one in self._standings:
+            points = placed_points(placed.poses[:, one.link], one.points)
+            heights = points[..., 2] - one.radii - floor
+            before = placed_points(self._poses[rows, one.link], one.points)
+            was = before[..., 2] - one.radii - floor
+            alone = self.left_alone[rows] | ("feet" not in self._parts)
+            alone = alone[:, np.newaxis] & (was < LOW)
+            stands = one.stands[rows] & ~alone
+            # A foot that arrives or leaves is still for a sample more.
+            still = stands.copy()
+            still[1:] |= stands[:-1]
+            still[:-1] |= stands[1:]
+            still &= ~alone
+            moves = (one.moves[rows] | alone) & ~still
+            # What does not stand stays above the floor, or as low as it was.
+            least = np.where(one.drags[rows, np.newaxis], LIFTED, was.clip(0.0, LIFTED))
+            wanted = np.where(stands, one.offsets[rows], np.where(alone, was, least))
+            low = self._ever(("low", one.link), rows, heights < least)
+            due = stands | alone | low
+            for number, point in enumerate(np.swapaxes(points, 0, 1)):
+                at = np.flatnonzero(due[:, number])
+                near = np.where(alone[at, number], ALONE, HEIGHT)
+                away = (heights - wanted)[at, number] / near
+                if len(at):
+                    links = np.full(len(at), one.link)
+                    up = placed.jacobian(at, links, point[at])[:, 2:]
+                    change.add(
+                        at, up / near[:, np.newaxis, np.newaxis], away[:, np.newaxis]
+                    )
+                at = np.flatnonzero(still[:, number])
+                self._add_steps(change, placed, one.link, at, point, LOCK)
+                if rows.start == 0 and stands[0, number]:
+                    first = np.zeros(1, dtype=int)
+                    flat = placed.jacobian(first, first + one.link, point[:1])[:, :2]
+                    away = (point[:1] - before[:1, number])[:, :2]
+                    change.add(first, flat / START, away / START)
+                at = np.flatnonzero(moves[:, number])
+                given = one.link, at, point, MOVE, before[:, number]
+                self._add_steps(change, placed, *given)
+
+    def _add_steps(
+        self,
+        change: Change,
+        placed: Placed,
+        link: int,
+        at: np.ndarray,
+        points: np.ndarray,
+        tolerance: float,
+        before: np.ndarray | None = None,
+    ) -> None:
+        """Keep a point of a link where it is, or let it move as before."""
+        if len(at) < 2:
+            return
+        first = np.flatnonzero(np.diff(at) == 1)
+        jacobian = placed.jacobian(at, np.full(len(at), link), points[at])
+        flat = jacobian[:, :2] / tolerance
+        steps = (points[at[first] + 1] - points[at[first]])[:, :2]
+        if before is not None:
+            steps = steps - (before[at[first] + 1] - before[at[first]])[:, :2]
+        given = -flat[first], flat[first + 1], steps / tolerance
+        change.add_steps(at[first], *given)
+
+    def _add_bounds(self, change: Change, placed: Placed, rows: slice) -> None:
+        """Bring joints into their limits, and below their largest speeds."""
+        joints, (lower, upper) = self._robot.joints, self._limits(rows)
+        now, unit = placed.positions, np.eye(change.size)[N_BASE:]
+        free = ~self.left_alone[rows][:, np.newaxis]
+        bounded = np.clip(now, lower, upper)
+        at, column = np.nonzero(self._ever("bound", rows, now != bounded))
+        nearest = np.where(now - lower < upper - now, lower, upper)
+        away = (now - nearest)[at, column]
+        own = unit[column][:, np.newaxis] / BOUND
+        change.add(at, own, away[:, np.newaxis] / BOUND)
+        if "speed" in self._parts and len(now) > 1:
+            fastest = np.array([joint.velocity or np.inf for joint in joints])
+            steps = np.diff(now, axis=0)
+            most = SPEED * fastest * np.diff(self._times[rows])[:, np.newaxis]
+            fast = np.zeros(now.shape, dtype=bool)
+            fast[:-1] = (np.abs(steps) > most) & free[1:]
+            at, column = np.nonzero(self._ever("fast", rows, fast)[:-1])
+            away = (steps - np.sign(steps) * most)[at, column]
+            own = unit[column][:, np.newaxis] / RATE
+            change.add_steps(at, -own, own, away[:, np.newaxis] / RATE)
+
+    def _ever(self, name: object, rows: slice, mask: np.ndarray) -> np.ndarray:
+        """Keep what was wrong in a round for the next ones, as an equation."""
+        shape = (len(self._times), *mask.shape[1:])
+        known = self._wrong.setdefault(name, np.zeros(shape, dtype=bool))
+        known[rows] |= mask
+        return np.asarray(known[rows])
+
+    def _add_contacts(self, change: Change, placed: Placed, rows: slice) -> None:
+        """Push links apart that overlap."""
+        if "collisions" not in self._parts:
+            return
+        collisions = self._robot.collisions
+        found = collisions.contacts(placed.poses, MARGIN)
+        is_free = ~self.left_alone[rows][found.sample]
+        deep = np.zeros((len(placed.poses), len(collisions.pairs)), dtype=bool)
+        deep[found.sample, found.pair] = (found.distance < 0.0) & is_free
+        deep = self._ever("contacts", rows, deep)
+        found = found[deep[found.sample, found.pair] & is_free]
+        if not len(found.sample):
+            return
+        row = {name: number for number, name in enumerate(self._robot.links)}
+        pairs = np.array([[row[a], row[b]] for a, b in collisions.pairs])[found.pair]
+        along = [
+            placed.jacobian(found.sample, pairs[:, side], points)
+            for side, points in enumerate((found.points_a, found.points_b))
+        ]
+        apart = np.einsum("mk,mkj->mj", found.normal, along[1] - along[0])
+        change.add(
+            found.sample,
+            apart[:, np.newaxis] / DEPTH,
+            (found.distance - APART)[:, np.newaxis] / DEPTH,
+        )
+
+    def _add_centers(self, change: Change, placed: Placed, rows: slice) -> None:
+        """Move the centre of mass over the feet where the robot stands still."""
+        at = self._active(rows, self._tips)
+        if "balance" not in self._parts or not len(at):
+            return
+        center, jacobian = placed.center_jacobian(self._robot.masses)
+        feet = [
+            (placed_points(placed.poses[:, one.link], one.points), one.stands[rows])
+            for one in self._standings
+        ]
+        goals, used = [], []
+        for row in at.tolist():
+            points = np.concatenate([p[row][stands[row]] for p, stands in feet])
+            if not len(points):
+                continue
+            polygon = support_polygon(points[:, :2])
+            if support_margin(polygon, *center[row, :2].tolist()) < WITHIN:
+                edge = nearest_point(polygon, *center[row, :2].tolist())
+                inwards = np.mean(polygon, axis=0) - edge
+                far = max(float(np.linalg.norm(inwards)), WITHIN)
+                goals.append(edge + inwards * WITHIN / far)
+                used.append(row)
+        if used:
+            residual = (center[used, :2] - np.array(goals)) / CENTER
+            change.add(np.array(used), jacobian[used, :2] / CENTER, residual)
+
+    def _add_hands(self, change: Change, placed: Placed, rows: slice) -> None:
+        """Keep hands on their paths."""
+        if not self._hands:
+            return
+        at = np.arange(len(placed.poses))
+        before = self._poses[rows]
+        for link in self._hands:
+            points = placed.poses[:, link, :3]
+            jacobian = placed.jacobian(at, np.full(len(at), link), points)
+            residual = points - before[:, link, :3]
+            change.add(at, jacobian / HAND, residual / HAND)

@@ -1,0 +1,115 @@
+"""Single wrong samples, and noise, of joints and base."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.fftpack import dct, idct
+from scipy.ndimage import median_filter
+from scipy.optimize import minimize_scalar
+
+from g1_description.checks.intervals import runs
+from g1_description.motion.motion import Motion
+
+AROUND, MOST = 7, 3
+"""Samples whose median an outlier is far from, and the most in a row that are ones."""
+
+OUTLIER, OUTLIER_PLACE = 0.1, 0.04
+"""How far outliers are from that median at least, in [rad], and of the base's place in
+[m]."""
+
+NOISE, NOISE_PLACE = 1.5e-3, 1e-3
+"""Least standard deviations of noise that is removed, in [rad] and [m]."""
+
+WHITE = 1.6
+"""Least ratio of fourth to third differences of noise: 1.87 if it is white; smooth
+motions have less than 1."""
+
+
+def without_outliers(motion: Motion) -> Motion:
+    """Replace single wrong samples by the straight line between their neighbours."""
+    return _each(motion, _without_outliers, (OUTLIER, OUTLIER_PLACE, OUTLIER))
+
+
+def without_noise(motion: Motion) -> Motion:
+    """Remove white noise by splines of the smoothness that fits it best.
+
+    Smoothing by cosines with generalized cross-validation, which has no lag. Source:
+    Garcia, Computational Statistics & Data Analysis 54, 2010.
+    """
+    return _each(motion, _without_noise, (NOISE, NOISE_PLACE, NOISE))
+
+
+def _each(
+    motion: Motion, filtered: object, least: tuple[float, float, float]
+) -> Motion:
+    """Filter joints, and place and rotation of the base, each by itself."""
+    assert callable(filtered)
+    times = motion.times
+    if len(times) < AROUND + 2:
+        return motion
+    positions = filtered(motion.positions, times, least[0])
+    bases = motion.base_poses
+    if bases is not None:
+        places = filtered(bases[:, :3], times, least[1])
+        signs = np.sign((bases[1:, 3:] * bases[:-1, 3:]).sum(axis=1))
+        signs = np.cumprod(np.append(1.0, np.where(signs == 0.0, 1.0, signs)))
+        even = bases[:, 3:] * signs[:, np.newaxis]
+        # A small turn changes the numbers by half of its angle.
+        turns = filtered(even, times, least[2] / 2.0)
+        if places is bases[:, :3] and turns is even:
+            places, turns = bases[:, :3], bases[:, 3:]
+        turns = turns / np.linalg.norm(turns, axis=1, keepdims=True)
+        bases = np.concatenate([places, turns], axis=1)
+    if np.array_equal(positions, motion.positions) and (
+        bases is None or np.abs(bases - motion.base_poses).max() < 1e-12
+    ):
+        return motion
+    return replace(motion, positions=positions, velocities=None, base_poses=bases)
+
+
+def _without_outliers(
+    values: np.ndarray, times: np.ndarray, least: float
+) -> np.ndarray:
+    """Replace outliers of columns, shape (n, k)."""
+    found = values.copy()
+    away = np.abs(values - median_filter(values, (AROUND, 1), mode="nearest"))
+    for column in np.flatnonzero((away > least).any(axis=0)):
+        for first, last in runs(away[:, column] > least):
+            if last - first < MOST and 0 < first and last < len(values) - 1:
+                ends, rows = [first - 1, last + 1], slice(first, last + 1)
+                found[rows, column] = np.interp(
+                    times[rows], times[ends], values[ends, column]
+                )
+    return found
+
+
+def _without_noise(values: np.ndarray, times: np.ndarray, least: float) -> np.ndarray:
+    """Remove noise of columns, shape (n, k); sampling must be even."""
+    found = values.copy()
+    third, fourth = (np.diff(values, order, axis=0).std(axis=0) for order in (3, 4))
+    is_noisy = third / np.sqrt(20.0) > least
+    is_noisy &= fourth > WHITE * third
+    for column in np.flatnonzero(is_noisy):
+        found[:, column] = _smoothed(values[:, column])
+    return found
+
+
+def _smoothed(values: np.ndarray) -> np.ndarray:
+    """Smooth values, shape (n,)."""
+    # About the straight line between the ends, which cosines do not have.
+    line = np.linspace(values[0], values[-1], len(values))
+    waves = dct(values - line, norm="ortho")
+    squares = (2.0 - 2.0 * np.cos(np.pi * np.arange(len(values)) / len(values))) ** 2
+
+    def kept(exponent: float) -> np.ndarray:
+        return 1.0 / (1.0 + 10.0**exponent * squares)
+
+    def error(exponent: float) -> float:
+        share = kept(exponent)
+        lost = ((1.0 - share) * waves) ** 2
+        return float(lost.sum() / (1.0 - share.mean()) ** 2)
+
+    best = minimize_scalar(error, bounds=(-4.0, 8.0), method="bounded").x
+    return np.asarray(line + idct(kept(best) * waves, norm="ortho"))
