@@ -17,9 +17,9 @@ DRAG, SLOW = 0.3, 0.1
 """A foot that is dragged along the floor reaches the first speed, and is faster than
 the second one, in [m/s]."""
 
-LOW = 0.05
-"""Height up to which points move along the floor as before, in [m]: a change of their
-speed would be a slip."""
+BARELY, LOW = 0.01, 0.05
+"""Heights above where the link stands up to which points move along the floor as
+before, also where nothing is corrected, in [m]: another speed would be a slip."""
 
 MOMENT, NEAR = 0.5, 0.04
 """A robot that has no contact for less than this time in [s], and a link as near to the
@@ -51,6 +51,10 @@ class Standing:
 
     moves: np.ndarray
     """Whether a point is near the floor and moves along it as before, shape (n, k)."""
+
+    level: np.ndarray
+    """Height of the lowest point where the link stood last, and will stand next, in
+    [m], shape (n,)."""
 
     offsets: np.ndarray
     """Heights of points above the lowest one of the link, which stay, in [m], shape
@@ -94,8 +98,16 @@ def standings(measured: Measured) -> list[Standing]:
         offsets = heights - heights.min(axis=1, keepdims=True)
         stands = (touches & ~drags[:, column])[:, np.newaxis] & (offsets < FLAT)
         lifts = drags[:, column] & others.any(axis=1)
-        moves = (heights < LOW) & ~stands
-        found.append(Standing(link, points, radii, stands, lifts, moves, offsets))
+        level = np.zeros(len(motion.times))
+        if stands.any():
+            level = np.interp(
+                motion.times,
+                motion.times[stands.any(axis=1)],
+                heights.min(axis=1)[stands.any(axis=1)],
+            )
+        moves = (heights - level[:, np.newaxis] < BARELY) & ~stands
+        given = link, points, radii, stands, lifts, moves, level, offsets
+        found.append(Standing(*given))
     return found
 
 

@@ -23,7 +23,7 @@ FURTHEST, ENOUGH = 0.2, 2e-5
 PIECE, OVERLAP = 1500, 100
 """Samples that are solved for together, and those of them that the next piece has."""
 
-JOINT, PLACE, TURN = 0.1, 0.1, 0.15
+JOINT, PLACE, TURN = 0.1, 0.3, 0.3
 """Tolerances of changes: of joints in [rad] or [m], of the base in [m] and [rad]."""
 
 SMOOTH = (1.0, 2.0, 6.0)
@@ -238,8 +238,9 @@ class Correction:
             still[:-1] |= stands[1:]
             still &= ~alone
             moves = (one.moves[rows] | alone) & ~still
-            # What does not stand stays above the floor, or as low as it was.
-            least = np.where(one.drags[rows, np.newaxis], LIFTED, was.clip(0.0, LIFTED))
+            # What does not stand stays as high above where it stood.
+            lifted = (was - one.level[rows, np.newaxis]).clip(0.0, LIFTED)
+            least = np.where(one.drags[rows, np.newaxis], LIFTED, lifted)
             wanted = np.where(stands, one.offsets[rows], np.where(alone, was, least))
             low = self._ever(("low", one.link), rows, heights < least)
             due = stands | alone | low
