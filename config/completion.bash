@@ -23,7 +23,7 @@ _g1_description_options[check]="--against --all --collisions --csv --dask --engi
 _g1_description_options[collision_pairs]="--help --out --samples --seed"
 _g1_description_options[doctor]="--help --json --namespace --until"
 _g1_description_options[import_model]="--convex-collisions --decimate --force --help --keep-missing --out --tolerance"
-_g1_description_options[motion]="--all --begin --blend --duration --end --fastest --force --format --fps --from --help --input-joint-order --jobs --joint-order --joints --json --model --names --order --out --rate --seconds --selection --speed --stay --to --topic --until"
+_g1_description_options[motion]="--all --begin --blend --dry-run --duration --end --fastest --force --format --fps --from --help --input-joint-order --jobs --joint-order --joints --json --keep-hands --max-base --max-change --model --names --only --order --out --rate --seconds --selection --speed --stay --to --topic --until"
 _g1_description_options[moveit_config]="--force --help --model --scene"
 _g1_description_options[play]="--anchor --base-frame --format --fps --from --help --lead-in --loop --namespace --on-floor --order --scene --speed --start-here --topic --until"
 _g1_description_options[pose]="--about --anchor --file --force --help --list --model --namespace --save --seconds"
@@ -31,9 +31,9 @@ _g1_description_options[record]="--force --gazebo --help --last --model --namesp
 _g1_description_options[snapshot]="--forces --fps --gif --help --joints --model --motion --motion-format --motion-fps --motion-order --motion-topic --namespace --scene --seconds --size --time --view"
 _g1_description_options[web]="--collisions --compare --format --fps --help --host --model --motion --order --port --read-only --report --scene --selection --thresholds --topic"
 _g1_description_options[why]="--help --model --namespace --seconds"
-_g1_description_flags=" --all --convex-collisions --fastest --fixed-base --force --forces --gif --json --keep-missing --list --loop --no-visual-hulls --on-floor --physics --quiet --read-only --start-here --stay --watch "
+_g1_description_flags=" --all --convex-collisions --dry-run --fastest --fixed-base --force --forces --gif --json --keep-hands --keep-missing --list --loop --no-visual-hulls --on-floor --physics --quiet --read-only --start-here --stay --watch "
 _g1_description_files=" --against --collisions --compare --csv --file --html --json --model --motion --motors --out --plot --report --scene --selection --thresholds --write-selection "
-_g1_description_motion="info convert cut join mirror retime resample pad floor rename"
+_g1_description_motion="info convert cut join mirror retime resample pad floor mend rename"
 _g1_description_links="python packages master address nodes description meshes simulator clock time link_states bridge model urdf joint_states state_publisher tf diagnostics picture"
 # end of commands
 

@@ -19,7 +19,7 @@ from g1_description.cli.check import CheckOptions
 from g1_description.cli.collision_pairs import PairsOptions
 from g1_description.cli.doctor import CHECKS, DoctorOptions, run_checks
 from g1_description.cli.motion_edits import COMMANDS as MOTION
-from g1_description.cli.motion_edits import Edit, Reading
+from g1_description.cli.motion_edits import Edit, Mend, Reading
 from g1_description.cli.moveit_config import MoveItOptions
 from g1_description.cli.play import PlayOptions
 from g1_description.cli.pose import PoseOptions
@@ -364,6 +364,9 @@ def texts() -> dict[Path, str]:
     put(f"docs/{COMMON_PAGE}", "common", common_rows())
     put("docs/checks_reference.md", "rules", rule_rows())
     put("docs/why.md", "causes", cause_rows())
+    known = {*arguments_of(Edit)} - {"out"}
+    mend = [*HEAD, *option_rows(Mend, "mend.md", left_out=known)]
+    put("docs/mend.md", "fixes", "\n".join(mend))
     put("config/checks.yaml", "of checks", levels(), ("# ", ""))
     put("config/completion.bash", "of commands", completion(), ("# ", ""))
     return found

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
+from math import inf
 from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Union
@@ -76,6 +77,7 @@ if TYPE_CHECKING:
     from g1_description.ik.limits import Limit, TrajectoryBounds
     from g1_description.ik.paths import IkPath, PathKinematics
     from g1_description.ik.results import IkResult
+    from g1_description.mend.mending import Mended
     from g1_description.msg import RobotTrajectory
 
 _IK_ARGUMENTS = {"hold": "fixed_links", "collisions": "avoid_collisions"}
@@ -922,6 +924,40 @@ class Robot:
         """
         checker = self.checker(thresholds, fixed_base, scene=scene)
         return checker.check(self._fitted(motion), _names(only))
+
+    def mended(
+        self,
+        motion: MotionLike | str | PathLike[str],
+        only: Collection[str] = (),
+        max_change: float = inf,
+        max_base: float = inf,
+        keep_hands: bool = False,
+        thresholds: ThresholdValues = None,
+    ) -> Mended:
+        """Remove what checks find in a motion by small changes.
+
+        Args:
+            motion: The motion, or its file.
+            only: Of ``outliers``, ``noise``, ``limits``, ``feet``, ``collisions``,
+                ``speed`` and ``balance``; none: all.
+            max_change: Largest change of a joint in [rad] or [m].
+            max_base: Largest change of the base's place in [m].
+            keep_hands: Whether hands keep their paths in the map.
+            thresholds: As for ``check``.
+
+        Returns:
+            The mended ``motion``, which is the given one if nothing was changed, and a
+            ``certificate`` of findings and changes.
+
+        Raises:
+            G1DescriptionError: If the motion does not fit the robot, or an option is
+                wrong.
+        """
+        from g1_description.mend.mending import mended
+        from g1_description.mend.options import MendOptions
+
+        options = MendOptions(_names(only), max_change, max_base, keep_hands)
+        return mended(self.checker(thresholds), self._fitted(motion), options)
 
     def contact_forces(
         self,

@@ -29,7 +29,7 @@ ROBOT = {"files", "robot"}
 SIM = ROBOT | {"sdf", "motion", "sim"}
 SCENES = SIM | {"scenes"}
 CHECKS = SCENES | {"collisions", "checks"}
-ROS = CHECKS | {"ik", "render", "ros", "api"}
+ROS = CHECKS | {"mend", "ik", "render", "ros", "api"}
 BELOW = {
     "files": set(),
     "robot": {"files"},
@@ -39,9 +39,10 @@ BELOW = {
     "scenes": SIM,
     "collisions": SCENES,
     "checks": SCENES | {"collisions"},
+    "mend": CHECKS,
     "ik": CHECKS,
     "render": CHECKS,
-    "api": CHECKS | {"ik", "render", "ros"},
+    "api": CHECKS | {"mend", "ik", "render", "ros"},
     "importer": CHECKS | {"render"},
     "ros": CHECKS | {"render"},
     "bridge": ROS,

@@ -51,6 +51,7 @@ from .graph import (
 from .history import kept
 from .html import html
 from .ik import ik
+from .mend import mend
 from .objects import objects
 from .peer import Peer
 from .physics import physics
@@ -857,6 +858,7 @@ PARTS = {
         checks,
         forces,
         causes,
+        mend,
         folder,
         page,
         browser,

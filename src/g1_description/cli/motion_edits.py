@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import argparse
+import json
 import os
+import textwrap
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from g1_description.bridge.recorded_file import WRITERS
 from g1_description.checks.batch import Task
 from g1_description.cli import options
 from g1_description.command_line import MAX_FPS, option, positive, within
 from g1_description.errors import InvalidValueError, UnknownNameError
+from g1_description.mend.options import FINDINGS, MendOptions
 from g1_description.motion.edit import highest_speed, joined, mirrored
 from g1_description.motion.files.conventions import (
     ASAP_JOINTS,
@@ -29,6 +33,9 @@ from g1_description.motion.paths import as_file, split
 from g1_description.robot.description import Description
 from g1_description.robot.poses import check_pose, find_pose, pose_positions, read_poses
 from g1_description.text import listed, similar_first
+
+if TYPE_CHECKING:
+    from g1_description.checks.checker import Checker
 
 JOINTS: Mapping[str, tuple[str, ...]] = {
     **{str(number): names for number, names in G1_JOINTS.items()},
@@ -111,6 +118,14 @@ class Edit(Reading):
             G1DescriptionError: If it cannot be done.
         """
         return motion
+
+    def edit(self, motion: Motion, robot: Description) -> tuple[Motion, str]:
+        """Edit a motion; return also a text about it, which may be empty.
+
+        Raises:
+            G1DescriptionError: If it cannot be done.
+        """
+        return self.edited(motion, robot), ""
 
     def is_merged(self, tasks: Sequence[Task]) -> bool:
         """Return whether all motions are written to one file."""
@@ -382,6 +397,76 @@ class Floor(Edit):
         return on_floor(robot, motion)
 
 
+def parts(text: str) -> tuple[str, ...]:
+    """Read what is to be fixed."""
+    return tuple(part.strip() for part in text.split(","))
+
+
+@dataclass(frozen=True)
+class Mend(Edit):
+    """Remove what checks find by small changes, and say what was changed."""
+
+    out: Path = option(
+        "the file; a folder for several motions", None, Path, metavar="FILE"
+    )
+    only: tuple[str, ...] = option(
+        f"what is fixed: {', '.join(FINDINGS)}",
+        (),
+        parts,
+        shown="all",
+        metavar="PART,...",
+    )
+    max_change: float = option(
+        "largest change of a joint [rad or m]", inf, positive(inf), shown="any"
+    )
+    max_base: float = option(
+        "largest change of the base's place [m]", inf, positive(inf), shown="any"
+    )
+    keep_hands: bool = option("keep the paths of hands in the map", False)
+    dry_run: bool = option("write no motion, only say what would be changed", False)
+    json: bool = option("print a line of JSON for each motion", False)
+
+    def __post_init__(self) -> None:
+        """Check what is to be fixed."""
+        self._wanted()
+        if self.out is None and not self.dry_run:
+            raise InvalidValueError("give --out, or --dry-run to write nothing")
+
+    def _wanted(self) -> MendOptions:
+        return MendOptions(self.only, self.max_change, self.max_base, self.keep_hands)
+
+    def is_merged(self, tasks: Sequence[Task]) -> bool:
+        """Return whether all motions are written to one file."""
+        return not self.dry_run and super().is_merged(tasks)
+
+    def places(self, tasks: Sequence[Task]) -> dict[str, Path]:
+        """Choose where motions are written; nowhere with ``--dry-run``."""
+        return {} if self.dry_run else super().places(tasks)
+
+    def edit(self, motion: Motion, robot: Description) -> tuple[Motion, str]:
+        """Fix it."""
+        from g1_description.mend.mending import mended  # few need checks
+
+        found = mended(_checker(robot), motion, self._wanted())
+        certificate = found.certificate
+        if self.json:
+            return found.motion, json.dumps(certificate.as_dict())
+        return found.motion, textwrap.indent(str(certificate), "  ")
+
+
+_CHECKERS: dict[int, Checker] = {}
+"""The checks of the robot of this process, by its id."""
+
+
+def _checker(robot: Description) -> Checker:
+    """Prepare the checks of a robot once in each process."""
+    from g1_description.checks.checker import Checker
+
+    if id(robot) not in _CHECKERS:
+        _CHECKERS[id(robot)] = Checker(robot)
+    return _CHECKERS[id(robot)]
+
+
 @dataclass(frozen=True)
 class Rename(Edit):
     """Rename joints."""
@@ -421,6 +506,7 @@ COMMANDS: Mapping[str, type[Reading]] = {
     "resample": Resample,
     "pad": Pad,
     "floor": Floor,
+    "mend": Mend,
     "rename": Rename,
 }
 """Options by subcommand."""

@@ -170,7 +170,7 @@ class Placed:
         return found
 
     def center_jacobian(self, masses: Masses) -> tuple[np.ndarray, np.ndarray]:
-        """Place the centre of mass, and differentiate it, shapes (n, 3), (n, 3, size)."""
+        """Return the centre of mass, shape (n, 3), and its derivatives (n, 3, size)."""
         centers, shares = masses.centers(self.poses), masses.shares
         center = shares @ centers
         found = np.zeros((len(center), 3, N_BASE + self._screws.shape[1]))

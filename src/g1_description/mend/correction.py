@@ -1,9 +1,9 @@
-"""Corrections of base and joints: feet, floor, limits, collisions, speed and balance."""
+"""Corrections of base and joints: feet, limits, collisions, speed and balance."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection
+from dataclasses import replace
 
 import numpy as np
 
@@ -44,7 +44,8 @@ LOCK, MOVE, HEIGHT, DEPTH, BOUND, RATE, CENTER, HAND = (
     1e-3,
     3e-3,
 )
-"""Tolerances: of a foot that stands from a sample to the next, of one that moves, of heights, distances, limits, steps
+"""Tolerances: of a foot from a sample to the next where it stands, and where it moves,
+of heights, distances of links, limits, steps
 of joints, the centre of mass, and paths of hands, in [m] or [rad]."""
 
 ALONE = 5e-3
@@ -64,17 +65,6 @@ FAR = 0.05
 
 SPEED = 0.98
 """Fraction of the limit that joints reach which were too fast."""
-
-
-@dataclass(frozen=True)
-class Bounds:
-    """How far a motion may be changed."""
-
-    change: float = np.inf
-    """Of joints, in [rad] or [m]."""
-
-    base: float = np.inf
-    """Of the base, in [m]."""
 
 
 class Correction:
@@ -180,7 +170,7 @@ class Correction:
         for _ in range(ROUNDS):
             at = changed(self._bases[rows], self._positions[rows], done)
             placed = Placed(self._robot, *at)
-            change = Change(*done.shape[:1], len(self._moved))
+            change = Change(len(done), len(self._moved))
             change.keep_small(self._small(last - first, fixed, first), done)
             change.keep_smooth(self._smooth(rows), done)
             self._add_feet(change, placed, rows)

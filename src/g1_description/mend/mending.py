@@ -4,37 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Tuple
 
 import numpy as np
 
 from g1_description.checks.checker import Checker
 from g1_description.checks.intervals import runs
 from g1_description.checks.verdict import FAILED, Verdict
-from g1_description.errors import InvalidValueError
 from g1_description.mend.certificate import LARGER, Certificate, moved_parts, rows_of
 from g1_description.mend.correction import Correction
+from g1_description.mend.options import FINDINGS, MendOptions
 from g1_description.mend.samples import without_noise, without_outliers
 from g1_description.motion.motion import Motion
-from g1_description.text import listed
-
-FINDINGS = {
-    "outliers": ("jump", "base_jump", "velocity", "acceleration", "jerk"),
-    "noise": (
-        "skating",
-        "drift",
-        "velocity",
-        "acceleration",
-        "jerk",
-        "effort",
-        "contact_forces",
-    ),
-    "limits": ("position",),
-    "feet": ("skating", "drift", "penetration", "floating", "contact_forces"),
-    "collisions": ("self_collision",),
-    "speed": ("velocity",),
-    "balance": ("center_of_mass",),
-}
-"""What can be mended, and the checks whose findings that removes."""
 
 SAMPLES = {"outliers": without_outliers, "noise": without_noise}
 """Parts that change each joint by itself."""
@@ -61,39 +42,10 @@ REASONS = {
 }
 """Why findings of checks stay."""
 
+TOO_FAR = "a change would be larger than allowed, or make other findings worse"
 
-@dataclass(frozen=True)
-class MendOptions:
-    """What is mended, and how far."""
-
-    only: Collection[str] = ()
-    """Of ``FINDINGS``; none: all."""
-
-    max_change: float = np.inf
-    """Largest change of a joint in [rad] or [m]."""
-
-    max_base: float = np.inf
-    """Largest change of the base's place in [m]."""
-
-    keep_hands: bool = False
-    """Whether the ends of arms keep their paths."""
-
-    def __post_init__(self) -> None:
-        """Check the values.
-
-        Raises:
-            InvalidValueError: If one is out of its range or unknown.
-        """
-        for name in self.only:
-            if name not in FINDINGS:
-                raise InvalidValueError(
-                    f"'{name}' cannot be mended; choose of {listed(FINDINGS)}."
-                )
-        for name in ("max_change", "max_base"):
-            if not getattr(self, name) > 0.0:
-                raise InvalidValueError(
-                    f"{name} must be greater than 0 (got {getattr(self, name)})."
-                )
+Span = Tuple[float, float]
+"""First and last time in [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,11 +80,11 @@ def mended(
     parts = [name for name in FINDINGS if not wanted.only or name in wanted.only]
     first = verdict = checker.check(motion)
     given: Motion = motion
-    left: list[str] = []
+    left: list[Span] = []
     for _ in range(PASSES):
         is_mended = False
         for some in _tried(verdict, parts):
-            found = _changed(checker, motion, verdict, some, wanted)
+            found = _changed(checker, given, motion, verdict, some, wanted)
             if found and _is_better(first, verdict, found[1], some):
                 (motion, verdict, left), is_mended = found, True
         if not is_mended:
@@ -140,7 +92,7 @@ def mended(
     moved = (
         moved_parts(checker.checked_robot, given, motion) if motion is not given else ()
     )
-    reasons = (*_reasons(verdict, parts, left), *left)
+    reasons = tuple(_reasons(verdict, parts, left))
     certificate = Certificate(rows_of(first, verdict), moved, reasons)
     return Mended(motion, certificate, first, verdict)
 
@@ -159,11 +111,12 @@ def _tried(verdict: Verdict, parts: Collection[str]) -> Iterator[tuple[str, ...]
 
 def _changed(
     checker: Checker,
+    given: Motion,
     motion: Motion,
     verdict: Verdict,
     parts: tuple[str, ...],
     options: MendOptions,
-) -> tuple[Motion, Verdict, list[str]] | None:
+) -> tuple[Motion, Verdict, list[Span]] | None:
     """Correct a motion within the bounds.
 
     Returns:
@@ -177,7 +130,7 @@ def _changed(
     correction = Correction(measured, parts, options.keep_hands)
     for _ in range(TRIES):
         found = correction.find()
-        wrong = _too_far(motion, found, options)
+        wrong = _too_far(given, found, options)
         if not wrong.any():
             judged = checker.check(found)
             wrong = _worse(motion, verdict, judged)
@@ -187,15 +140,9 @@ def _changed(
     else:
         return None
     times = motion.times
-    return (
-        found,
-        judged,
-        [
-            f"{times[a]:.2f} s to {times[b]:.2f} s: a change would be larger than "
-            "allowed, or make other findings worse"
-            for a, b in runs(correction.left_alone)
-        ],
-    )
+    times = motion.times
+    alone = [(float(times[a]), float(times[b])) for a, b in runs(correction.left_alone)]
+    return found, judged, alone
 
 
 def _too_far(motion: Motion, found: Motion, options: MendOptions) -> np.ndarray:
@@ -254,11 +201,15 @@ def _is_better(
 
 
 def _reasons(
-    verdict: Verdict, parts: Collection[str], left: Collection[str]
+    verdict: Verdict, parts: Collection[str], left: Collection[Span]
 ) -> Iterator[str]:
-    """Say why failures stay that could have been mended."""
+    """Say why failures stay that could have been mended, and what was left alone."""
     known = {check for name in parts for check in FINDINGS[name]} | {"effort"}
     for finding in verdict.findings:
         if finding.severity == FAILED and finding.check in known:
-            why = REASONS.get(finding.check, "a change would make other findings worse")
+            why = REASONS.get(finding.check, TOO_FAR)
+            if any(begin <= finding.worst_time <= end for begin, end in left):
+                why = TOO_FAR
             yield f"{finding.text}: {why}"
+    for begin, end in left:
+        yield f"{begin:.2f} s to {end:.2f} s is as it was: {TOO_FAR}"

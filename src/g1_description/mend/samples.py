@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Callable
 
 import numpy as np
 from scipy.fftpack import dct, idct
@@ -41,11 +42,14 @@ def without_noise(motion: Motion) -> Motion:
     return _each(motion, _without_noise, (NOISE, NOISE_PLACE, NOISE))
 
 
+Filter = Callable[[np.ndarray, np.ndarray, float], np.ndarray]
+"""Filters columns, given also their times and a bound."""
+
+
 def _each(
-    motion: Motion, filtered: object, least: tuple[float, float, float]
+    motion: Motion, filtered: Filter, least: tuple[float, float, float]
 ) -> Motion:
     """Filter joints, and place and rotation of the base, each by itself."""
-    assert callable(filtered)
     times = motion.times
     if len(times) < AROUND + 2:
         return motion
@@ -58,8 +62,6 @@ def _each(
         even = bases[:, 3:] * signs[:, np.newaxis]
         # A small turn changes the numbers by half of its angle.
         turns = filtered(even, times, least[2] / 2.0)
-        if places is bases[:, :3] and turns is even:
-            places, turns = bases[:, :3], bases[:, 3:]
         turns = turns / np.linalg.norm(turns, axis=1, keepdims=True)
         bases = np.concatenate([places, turns], axis=1)
     if np.array_equal(positions, motion.positions) and (
@@ -77,7 +79,7 @@ def _without_outliers(
     away = np.abs(values - median_filter(values, (AROUND, 1), mode="nearest"))
     for column in np.flatnonzero((away > least).any(axis=0)):
         for first, last in runs(away[:, column] > least):
-            if last - first < MOST and 0 < first and last < len(values) - 1:
+            if last - first < MOST and first > 0 and last < len(values) - 1:
                 ends, rows = [first - 1, last + 1], slice(first, last + 1)
                 found[rows, column] = np.interp(
                     times[rows], times[ends], values[ends, column]

@@ -1,0 +1,101 @@
+"""Spoilt motions are mended to what they were; nothing else is changed."""
+
+import json
+import sys
+
+import numpy as np
+import pytest
+from bench import mend as faults
+
+from g1_description import Robot
+from g1_description.cli import motion as command
+from g1_description.errors import InvalidValueError
+
+ROBOT = Robot()
+
+
+@pytest.mark.parametrize("name", ["squat.csv", "step_in_place.csv"])
+@pytest.mark.parametrize(
+    ("way", "least"),
+    [
+        ("drifting", 15.0),
+        ("2 cm too high", 50.0),
+        ("noise of 5 mrad", 3.5),
+        ("one wrong frame", 100.0),
+        ("beyond limits", 5.0),
+        ("15 mm in the floor", 2.0),
+    ],
+)
+def test_a_spoilt_motion_is_mended_to_what_it_was(name, way, least):
+    clean = ROBOT.read_motion(name)
+    spoilt = faults.WAYS[way](ROBOT, clean, np.random.default_rng(0))
+    if way == "beyond limits":
+        clean = faults.raised(ROBOT, clean, 0.0)
+    found = ROBOT.mended(spoilt)
+    before, after = (
+        faults.distance(ROBOT, clean, motion) for motion in (spoilt, found.motion)
+    )
+    assert after < before / least
+    assert not found.certificate.is_worse
+    kinds = {f.check for f in found.after.findings if f.severity == "failed"}
+    assert kinds <= {f.check for f in ROBOT.check(clean).findings}
+
+
+def test_what_is_mended_is_not_mended_again_and_clean_motions_are_not_at_all():
+    """A motion with a fault of each kind: all failures go."""
+    found = ROBOT.mended("faulty.csv")
+    assert found.certificate.failures == (9, 0)
+    assert found.after.passed
+    again = ROBOT.mended(found.motion)
+    np.testing.assert_array_equal(again.motion.positions, found.motion.positions)
+    np.testing.assert_array_equal(again.motion.base_poses, found.motion.base_poses)
+    clean = ROBOT.read_motion("squat.csv")
+    found = ROBOT.mended(clean)
+    np.testing.assert_array_equal(found.motion.positions, clean.positions)
+    assert found.certificate.moved == ()
+    assert str(found.certificate) == "nothing is changed."
+
+
+def test_changes_stay_within_their_bounds_and_what_is_left_is_named():
+    clean = ROBOT.read_motion("squat.csv")
+    spoilt = faults.WAYS["drifting"](ROBOT, clean, None)
+    found = ROBOT.mended(spoilt, max_base=0.05, max_change=0.05)
+    moved = {one.name: one for one in found.certificate.moved}
+    assert not moved or moved["base"].largest <= 0.05
+    assert not moved or moved["joints"].largest <= 0.05
+    assert any("larger than allowed" in text for text in found.certificate.left)
+
+
+def test_only_what_is_wanted_is_mended():
+    found = ROBOT.mended("faulty.csv", only=["limits"])
+    kinds = {finding.check for finding in found.after.findings}
+    assert "position" not in kinds and {"skating", "self_collision"} <= kinds
+    names = ROBOT.read_motion("faulty.csv").joint_names
+    changed = np.ptp(found.motion.positions - found.before.measured.motion.positions, 0)
+    assert [n for n, size in zip(names, changed) if size > 0.01] == ["left_elbow_joint"]
+    with pytest.raises(InvalidValueError, match="'knees' cannot be fixed; choose of"):
+        ROBOT.mended("faulty.csv", only=["knees"])
+
+
+def run(monkeypatch, *words):
+    """Run the command; give its exit code."""
+    monkeypatch.setattr(sys, "argv", ["motion", "mend", *map(str, words)])
+    with pytest.raises(SystemExit) as ended:
+        command.main()
+    return ended.value.code
+
+
+def test_the_command_writes_the_motion_and_prints_what_was_changed(
+    monkeypatch, tmp_path, capsys
+):
+    out = tmp_path / "mended.csv"
+    assert run(monkeypatch, "faulty.csv", "--only", "limits", "--dry-run") == 0
+    assert "position        1 -> 0    0 -> 0" in capsys.readouterr().out
+    assert run(monkeypatch, "faulty.csv", "--only", "limits", "--out", out) == 0
+    assert "mended.csv: 401 samples, 8.00 s\n  check " in capsys.readouterr().out
+    assert not [f for f in ROBOT.check(out).findings if f.check == "position"]
+    assert run(monkeypatch, "squat.csv", "--dry-run", "--json") == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told == {"findings": {}, "moved": [], "left": []}
+    assert run(monkeypatch, "squat.csv") == 2
+    assert "give --out, or --dry-run" in capsys.readouterr().err
