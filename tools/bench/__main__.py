@@ -51,7 +51,7 @@ from .graph import (
 from .history import kept
 from .html import html
 from .ik import ik
-from .mend import mend
+from .mend import fixes
 from .objects import objects
 from .peer import Peer
 from .physics import physics
@@ -858,7 +858,7 @@ PARTS = {
         checks,
         forces,
         causes,
-        mend,
+        fixes,
         folder,
         page,
         browser,

@@ -13,8 +13,8 @@ from g1_description.mend.mending import mended
 MOTIONS = "squat.csv", "step_in_place.csv", "wave.csv"
 
 
-def mend(bench):
-    """Motions of this package that are spoilt by known faults, and mended.
+def fixes(bench):
+    """Motions of this package that are spoilt by known faults, and fixed.
 
     Distances are those of the links from where they are in the clean motion, rms; they
     should be five times smaller after.
