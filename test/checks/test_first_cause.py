@@ -9,6 +9,7 @@ import pytest
 from g1_description import Robot
 from g1_description.checks import first_cause
 from g1_description.checks.checker import Checker
+from g1_description.checks.first_cause import failure_text
 from g1_description.checks.run import states_of
 from g1_description.motion.history_chunks import Stretch
 from g1_description.sim.rollout import Conditions, rollout
@@ -94,6 +95,57 @@ def test_what_is_not_known_is_not_blamed_and_said():
     found, _ = explained("jump", [2, 0, 0], base_poses=None)
     assert found.chain[0].name == "command_jump"
     assert found.unknown == "Not known: how it stands."
+
+
+def test_the_first_command_to_a_joint_jumps_from_where_it_is():
+    fault, motion, _, stream = faults.drawn(
+        ROBOT, "jump", np.random.default_rng([2, 0, 0])
+    )
+    states = faults.simulated(ROBOT, motion, fault)
+    commanded = states.commanded.copy()
+    commanded[1e-9 * states.stamps < fault.span[0] + faults.PERIOD] = np.nan
+    found = CHECKER.explain(replace(states, commanded=commanded), [stream])
+    assert faults.is_right(found, fault), str(found)
+    assert abs(found.chain[0].time - fault.span[0]) < 0.05
+
+
+def test_who_leans_too_far_is_not_pushed_as_well():
+    times = np.arange(0.0, 3.0, 0.02)
+    lean = -0.15 + 0.15 * np.cos(np.pi * np.clip((times - 0.5) / 1.5, 0.0, 1.0))
+    ankles = {f"{side}_ankle_pitch_joint": lean for side in faults.SIDES}
+    conditions = Conditions(engine="mujoco")
+    played = rollout(ROBOT.description, ROBOT.trajectory(times, ankles), conditions)
+    found = CHECKER.explain(states_of(played), ())
+    assert found.chain[0].name in ("unbalanced", "infeasible_commands")
+    assert "push" not in [event.name for event in found.chain], str(found)
+
+
+def test_names_of_joints_are_written_as_they_are():
+    fault, motion, _, _ = faults.drawn(ROBOT, "sound", np.random.default_rng([8, 0, 0]))
+    states = faults.simulated(ROBOT, motion, fault)
+    states.commanded[-50:, states.commanded_names.index("left_elbow_joint")] += 0.5
+    assert CHECKER.explain(states).first.startswith("left_elbow_joint is 0.2 rad off")
+
+
+def test_nothing_is_said_to_be_right_that_is_not_known():
+    motion = ROBOT.read_motion("squat.csv")
+    played = rollout(ROBOT.description, motion, Conditions(engine="mujoco"))
+    states = states_of(played)
+    assert failure_text(None, states).splitlines() == [
+        "Nothing failed: the robot does not fall, no joint is 0.2 rad off its command, "
+        "and the base is not 0.15 m or 0.3 rad off its own."
+    ]
+    some = replace(states, base_poses=None, commanded_bases=None)
+    assert failure_text(None, some).splitlines() == [
+        "Nothing failed: no joint is 0.2 rad off its command.",
+        "  Not known: the base.",
+    ]
+    none = replace(some, commanded=None)
+    assert failure_text(None, none).startswith("Nothing is known to have failed.")
+    lying = states.base_poses.copy()
+    lying[:, 3:] = [0.0, np.sqrt(0.5), 0.0, np.sqrt(0.5)]
+    told = failure_text(None, replace(states, base_poses=lying))
+    assert "The base leans by 90 degrees from the first state on" in told
 
 
 def test_a_moment_long_before_a_fall_is_not_its_cause():

@@ -162,9 +162,8 @@ class CheckServices:
             states, commands = fetch_history(*given)[0], fetch_commands(*given)
             with self._motion_lock:
                 checker = self._for_motions().newest()[0]
-                return TriggerResponse(
-                    True, failure_text(checker.explain(states, commands))
-                )
+                found = checker.explain(states, commands)
+            return TriggerResponse(True, failure_text(found, states))
         except G1DescriptionError as error:
             return TriggerResponse(False, str(error))
 

@@ -111,7 +111,7 @@ def late_commands(run: Run) -> Iterator[Event]:
 
 def command_jumps(run: Run) -> Iterator[Event]:
     """Find jumps of the commands."""
-    times, desired = run.times, run.desired
+    times, desired = run.times, _held(run)
     period = np.ptp(times) / max(len(times) - 1, 1)
     reach = max(int(np.ceil(STEP_TIME / max(period, 1e-9))), 1)
     if len(times) <= 2 * reach:
@@ -129,6 +129,17 @@ def command_jumps(run: Run) -> Iterator[Event]:
             f"{units(joint)[0]}{_sender(run, joint.name, time)}"
         )
         yield Event("command_jump", time, (joint.name,), text)
+
+
+def _held(run: Run) -> np.ndarray:
+    """Return commanded positions; before its first command a joint is at its place."""
+    desired = run.desired.copy()
+    for column, known in enumerate((~np.isnan(desired)).T):
+        first = int(known.argmax())
+        if first:
+            place = run.states.positions[first - 1, run.columns[column]]
+            desired[:first, column] = place
+    return desired
 
 
 def _sender(run: Run, joint: str, time: float) -> str:
@@ -191,13 +202,17 @@ def starts_high(run: Run) -> Iterator[Event]:
 
 
 def pushed(run: Run) -> Iterator[Event]:
-    """Find pushes along the floor that feet and motors do not explain."""
+    """Find pushes along the floor that feet and motors do not explain.
+
+    What has lost its balance turns about the edges of its feet, which fits worse.
+    """
     pushes = run.external
     if pushes is None:
         return
     measured = run.measured
     weight = float(run.robot.masses.total) * GRAVITY
     root = list(pushes)[-1]
+    falls = min((event.time for event in unbalanced(run)), default=run.end)
     along = pushes[root][:, :2]
     sizes = np.hypot(*along.T) / weight
     window = run.robot.thresholds.window
@@ -209,7 +224,9 @@ def pushed(run: Run) -> Iterator[Event]:
         begin = int(half[-1]) + 1 if len(half) else first
         where = side(measured.base_poses()[worst, 3:], along[worst], WAYS)
         text = f"{root} is pushed with {weight * sizes[worst]:.0f} N{where}"
-        yield Event("push", float(measured.times[begin]), (root,), text)
+        time = float(measured.times[begin])
+        if time <= falls:
+            yield Event("push", time, (root,), text)
 
 
 WAYS = (" forwards", " to the left", " backwards", " to the right")

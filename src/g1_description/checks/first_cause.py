@@ -6,6 +6,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Callable
 
+import numpy as np
+
 from g1_description.checks.events import (
     Event,
     command_jumps,
@@ -23,6 +25,9 @@ from g1_description.checks.events import (
     weak_motors,
 )
 from g1_description.checks.run import ASTRAY, ERROR, TURNED, Run
+from g1_description.motion.history_chunks import Stretch
+from g1_description.motion.tracking import FallLimits
+from g1_description.text import listed
 
 FAILURE = "failure"
 """Name of the failure, which all events may explain."""
@@ -71,7 +76,8 @@ class Explanation:
     def first(self) -> str:
         """The failure and its first cause in a line."""
         text = self.failure.text
-        begin = f"{text[:1].upper()}{text[1:]} at {self.failure.time:.3f} s."
+        text = f"T{text[1:]}" if text.startswith("the ") else text
+        begin = f"{text} at {self.failure.time:.3f} s."
         if not self.chain:
             return f"{begin} The first cause is not known."
         cause = self.chain[0]
@@ -84,14 +90,37 @@ class Explanation:
         return f"{self.first} Other events: {later}." if later else self.first
 
 
-def failure_text(found: Explanation | None) -> str:
-    """Write an explanation, or that nothing failed."""
+def failure_text(found: Explanation | None, states: Stretch) -> str:
+    """Write an explanation, or which failures the states do not have."""
     if found is not None:
         return str(found)
-    return (
-        f"Nothing failed: the robot does not fall, no joint is {ERROR} rad off its "
-        f"command, and the base is not {ASTRAY} m or {TURNED} rad off its own."
-    )
+    bases, wanted = states.base_poses, states.commanded_bases
+    known = {
+        "the robot does not fall": bases,
+        f"no joint is {ERROR} rad off its command": states.commanded,
+        f"the base is not {ASTRAY} m or {TURNED} rad off its own": wanted,
+    }
+    *first, last = [text for text, of in known.items() if _has_values(of)] or [""]
+    told = f"{', '.join(first)}, and {last}" if first else last
+    missing = {"the base": bases, "commands": states.commanded}
+    names = listed(name for name, of in missing.items() if not _has_values(of))
+    lines = [
+        f"Nothing failed: {told}." if told else "Nothing is known to have failed.",
+        f"Not known: {names}." if names else "",
+    ]
+    if bases is not None:
+        lean = np.arccos(np.clip(1.0 - 2.0 * (bases[0, 3:5] ** 2).sum(), -1.0, 1.0))
+        if lean > FallLimits.lean:
+            lines.append(
+                f"The base leans by {np.degrees(lean):.0f} degrees from the first "
+                f"state on, at {1e-9 * states.stamps[0]:.3f} s: a fall would be earlier."
+            )
+    return "\n  ".join(filter(None, lines))
+
+
+def _has_values(array: np.ndarray | None) -> bool:
+    """Return whether something of an array is known."""
+    return array is not None and not np.isnan(array).all()
 
 
 def explain(run: Run) -> Explanation:

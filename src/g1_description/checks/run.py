@@ -70,7 +70,8 @@ class Run:
         self.robot, self.states, self.commands = robot, states, commands
         known = {joint.name: joint for joint in robot.joints}
         names = [name for name in states.names if name in known]
-        self._columns = [states.names.index(name) for name in names]
+        self.columns = [states.names.index(name) for name in names]
+        """Columns of its joints in the states."""
         limits = [effort_limits.get(name, known[name].effort) for name in names]
         self.joints = [replace(known[n], effort=e) for n, e in zip(names, limits)]
         """The m joints with known positions."""
@@ -88,7 +89,7 @@ class Run:
     @property
     def errors(self) -> np.ndarray:
         """Return positions minus commands in [rad] or [m], shape (n, m)."""
-        return np.asarray(self.states.positions[:, self._columns] - self.desired)
+        return np.asarray(self.states.positions[:, self.columns] - self.desired)
 
     @property
     def bases(self) -> np.ndarray | None:
@@ -99,7 +100,7 @@ class Run:
     def efforts(self) -> np.ndarray | None:
         """Efforts of the motors in [N m] or [N], shape (n, m)."""
         efforts = _whole(self.states.efforts)
-        return None if efforts is None else np.asarray(efforts[:, self._columns])
+        return None if efforts is None else np.asarray(efforts[:, self.columns])
 
     @property
     def unknown(self) -> str:
@@ -129,7 +130,7 @@ class Run:
     @cached_property
     def measured(self) -> Measured:
         """What the robot did."""
-        motion = self._motion(self.states.positions[:, self._columns], self.bases)
+        motion = self._motion(self.states.positions[:, self.columns], self.bases)
         needs = [need for need in NEEDS if not self.robot.lacks(need, motion)]
         return measure(self.robot, motion, needs, {})
 

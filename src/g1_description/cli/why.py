@@ -66,7 +66,7 @@ def why(args: WhyOptions) -> int:
         robot = read_description(args.model)
         states, commands = read_history(file, robot, args.seconds)
     found = Checker(robot).explain(states, commands)
-    print(failure_text(found))
+    print(failure_text(found, states))
     return 0 if found is None else 1
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Tuple
 
 from g1_description.checks.first_cause import Explanation, failure_text
@@ -43,8 +44,8 @@ class FirstCause:
             show: Given the time of the first cause in [s], shows it.
         """
 
-        def write(found: Explanation | None) -> None:
-            head, *lines = failure_text(found).splitlines()
+        def write(states: Stretch, found: Explanation | None) -> None:
+            head, *lines = failure_text(found, states).splitlines()
             rows = [f"- {plain(line)}" for line in lines]
             self._text.content = "\n".join([f"**{plain(head)}**", "", *rows])
             if found is not None:
@@ -62,7 +63,11 @@ class FirstCause:
 
         def ask(past: Past) -> None:
             self._page.checks.ask(
-                self, robot, lambda checker: checker.explain(*past), write, forget
+                self,
+                robot,
+                lambda checker: checker.explain(*past),
+                partial(write, past[0]),
+                forget,
             )
 
         self._text.content = "*Looking for the first cause ...*"
