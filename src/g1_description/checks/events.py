@@ -111,7 +111,7 @@ def late_commands(run: Run) -> Iterator[Event]:
 
 def command_jumps(run: Run) -> Iterator[Event]:
     """Find jumps of the commands."""
-    times, desired = run.times, _held(run)
+    times, desired = run.times, run.held
     period = np.ptp(times) / max(len(times) - 1, 1)
     reach = max(int(np.ceil(STEP_TIME / max(period, 1e-9))), 1)
     if len(times) <= 2 * reach:
@@ -129,17 +129,6 @@ def command_jumps(run: Run) -> Iterator[Event]:
             f"{units(joint)[0]}{_sender(run, joint.name, time)}"
         )
         yield Event("command_jump", time, (joint.name,), text)
-
-
-def _held(run: Run) -> np.ndarray:
-    """Return commanded positions; before its first command a joint is at its place."""
-    desired = run.desired.copy()
-    for column, known in enumerate((~np.isnan(desired)).T):
-        first = int(known.argmax())
-        if first:
-            place = run.states.positions[first - 1, run.columns[column]]
-            desired[:first, column] = place
-    return desired
 
 
 def _sender(run: Run, joint: str, time: float) -> str:

@@ -111,9 +111,10 @@ def failure_text(found: Explanation | None, states: Stretch) -> str:
     if bases is not None:
         lean = np.arccos(np.clip(1.0 - 2.0 * (bases[0, 3:5] ** 2).sum(), -1.0, 1.0))
         if lean > FallLimits.lean:
+            time = 1e-9 * states.stamps[0]
             lines.append(
-                f"The base leans by {np.degrees(lean):.0f} degrees from the first "
-                f"state on, at {1e-9 * states.stamps[0]:.3f} s: a fall would be earlier."
+                f"The base leans by {np.degrees(lean):.0f} degrees already in the "
+                f"first state, at {time:.3f} s; an earlier fall is not looked at."
             )
     return "\n  ".join(filter(None, lines))
 

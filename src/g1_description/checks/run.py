@@ -70,8 +70,7 @@ class Run:
         self.robot, self.states, self.commands = robot, states, commands
         known = {joint.name: joint for joint in robot.joints}
         names = [name for name in states.names if name in known]
-        self.columns = [states.names.index(name) for name in names]
-        """Columns of its joints in the states."""
+        self._columns = [states.names.index(name) for name in names]
         limits = [effort_limits.get(name, known[name].effort) for name in names]
         self.joints = [replace(known[n], effort=e) for n, e in zip(names, limits)]
         """The m joints with known positions."""
@@ -89,7 +88,22 @@ class Run:
     @property
     def errors(self) -> np.ndarray:
         """Return positions minus commands in [rad] or [m], shape (n, m)."""
-        return np.asarray(self.states.positions[:, self.columns] - self.desired)
+        return np.asarray(self.states.positions[:, self._columns] - self.desired)
+
+    @property
+    def held(self) -> np.ndarray:
+        """Return commanded positions in [rad] or [m], shape (n, m).
+
+        Until its first command a joint is where it is then, without one where it is
+        at first.
+        """
+        held = self.desired.copy()
+        for column, is_known in enumerate((~np.isnan(held)).T):
+            first = int(is_known.argmax())
+            rows = slice(first) if is_known.any() else slice(None)
+            place = self.states.positions[max(first - 1, 0), self._columns[column]]
+            held[rows, column] = place
+        return held
 
     @property
     def bases(self) -> np.ndarray | None:
@@ -100,7 +114,7 @@ class Run:
     def efforts(self) -> np.ndarray | None:
         """Efforts of the motors in [N m] or [N], shape (n, m)."""
         efforts = _whole(self.states.efforts)
-        return None if efforts is None else np.asarray(efforts[:, self.columns])
+        return None if efforts is None else np.asarray(efforts[:, self._columns])
 
     @property
     def unknown(self) -> str:
@@ -130,7 +144,7 @@ class Run:
     @cached_property
     def measured(self) -> Measured:
         """What the robot did."""
-        motion = self._motion(self.states.positions[:, self.columns], self.bases)
+        motion = self._motion(self.states.positions[:, self._columns], self.bases)
         needs = [need for need in NEEDS if not self.robot.lacks(need, motion)]
         return measure(self.robot, motion, needs, {})
 
@@ -173,9 +187,11 @@ class Run:
 
         Without a commanded base, the foot that stands first stays where it is.
         """
-        if not self.stands or np.isnan(self.desired).any():
+        held = self.held
+        is_unknown = np.isnan(self.desired).all() or np.isnan(held).any()
+        if not self.stands or is_unknown:
             return None
-        motion = self._motion(self.desired, _whole(self.states.commanded_bases))
+        motion = self._motion(held, _whole(self.states.commanded_bases))
         if motion.base_poses is None:
             ground = self.measured.ground
             assert ground is not None
