@@ -182,14 +182,17 @@ def last_bag(namespace: str) -> Path:
     return user_file().with_name("_".join(parts) + BAG)
 
 
+def written(path: Path) -> str:
+    """Return when a file was written, in local time."""
+    return time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(path.stat().st_mtime))
+
+
 def announce_last_bag(robot: RobotParameters) -> None:
     """Log where the history of the bridge before is, if it has left one."""
     path = last_bag(robot.namespace)
     if path.is_file():
-        ended = time.localtime(path.stat().st_mtime)
-        when = time.strftime("%Y-%m-%d %H:%M:%S", ended)
         rospy.loginfo(
-            "The history of the bridge that ended at %s is in %s.", when, path
+            "The history of the bridge that ended at %s is in %s.", written(path), path
         )
 
 

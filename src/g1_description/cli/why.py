@@ -9,7 +9,7 @@ from pathlib import Path
 
 import rosgraph
 
-from g1_description.bridge.history import last_bag
+from g1_description.bridge.history import last_bag, written
 from g1_description.checks.checker import Checker
 from g1_description.checks.first_cause import failure_text
 from g1_description.choices import DEFAULT
@@ -61,8 +61,9 @@ def why(args: WhyOptions) -> int:
         robot, states, commands = _running(args)
     else:
         file = args.file or last_bag(args.namespace)
-        if args.file is None:
-            say(f"why: no ROS master runs; reading {file}.", sys.stderr)
+        reason = "no ROS master runs; " if args.file is None else ""
+        when = f", written at {written(file)}" if file.is_file() else ""
+        say(f"why: {reason}reading {file}{when}.", sys.stderr)
         robot = read_description(args.model)
         states, commands = read_history(file, robot, args.seconds)
     found = Checker(robot).explain(states, commands)
