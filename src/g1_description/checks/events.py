@@ -22,7 +22,7 @@ LATE, PERIODS = 0.1, 5.0
 
 STEP_TIME, STEP = 0.04, 0.15
 """A command jumps if it changes by more than ``STEP``, in [rad] or [m], within this
-time in [s], and by much less before and after."""
+time in [s], and by less than half of it in the same direction before and after."""
 
 HIGH = 0.02
 """Height above the floor from which a robot drops, in [m]."""
@@ -102,7 +102,7 @@ def late_commands(run: Run) -> Iterator[Event]:
             column = int(steps[row].argmax())
             joint = joints[names[known[column]]]
             text = (
-                f"{sender} sends nothing on {topic} for {gaps[row]:.2f} s, before "
+                f"{sender} sends nothing on {topic} for {gaps[row]:.2f} s, usually "
                 f"every {usual:.3f} s, and then a position of {joint.name} that "
                 f"differs by {steps[row, column]:.2f} {units(joint)[0]}"
             )
@@ -116,14 +116,17 @@ def command_jumps(run: Run) -> Iterator[Event]:
     reach = max(int(np.ceil(STEP_TIME / max(period, 1e-9))), 1)
     if len(times) <= 2 * reach:
         return
-    steps = np.nan_to_num(np.abs(desired[reach:] - desired[:-reach]))
-    around = np.pad(steps, ((2 * reach, 2 * reach), (0, 0)), "constant")
-    calm = np.maximum(around[: -4 * reach], around[4 * reach :])
-    for first, last in runs((steps - 2.0 * calm > STEP).any(axis=1)):
+    changes = np.nan_to_num(desired[reach:] - desired[:-reach])
+    around = np.pad(changes, ((reach, reach), (0, 0)), "constant")
+    steps, ways = np.abs(changes), np.sign(changes)
+    smooth = np.maximum(around[: -2 * reach] * ways, around[2 * reach :] * ways)
+    is_jump = steps - 2.0 * np.maximum(smooth, 0.0) > STEP
+    for first, last in runs(is_jump.any(axis=1)):
         column = int(steps[first : last + 1].max(axis=0).argmax())
         row = first + int(steps[first : last + 1, column].argmax())
         parts = np.abs(np.diff(desired[row : row + reach + 1, column]))
-        time, joint = float(times[row + int(parts.argmax()) + 1]), run.joints[column]
+        begin = row + int((parts > 0.5 * parts.max()).argmax()) + 1
+        time, joint = float(times[begin]), run.joints[column]
         text = (
             f"the command of {joint.name} jumps by {steps[row, column]:.2f} "
             f"{units(joint)[0]}{_sender(run, joint.name, time)}"

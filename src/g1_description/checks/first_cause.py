@@ -54,6 +54,9 @@ class Cause:
     lasts: bool = False
     """Whether it explains all that comes later; else for ``MEMORY`` only."""
 
+    subject: str = "joint"
+    """What its subjects are, if it has any."""
+
 
 @dataclass(frozen=True)
 class Explanation:
@@ -69,8 +72,7 @@ class Explanation:
 
     def __str__(self) -> str:
         """Write the first cause, the other events, and what is unknown, in lines."""
-        lines = [self.first, *map(str, self.chain[1:]), self.unknown]
-        return "\n  ".join(filter(None, lines))
+        return "\n  ".join(filter(None, [self.first, *self.later, self.unknown]))
 
     @property
     def first(self) -> str:
@@ -86,19 +88,34 @@ class Explanation:
     @property
     def note(self) -> str:
         """The first cause and the other events in a line."""
-        later = "; ".join(map(str, self.chain[1:]))
+        later = "; ".join(self.later)
         return f"{self.first} Other events: {later}." if later else self.first
+
+    @property
+    def later(self) -> list[str]:
+        """The first event of each kind after the first cause, as a line."""
+        kinds: dict[str, list[Event]] = {}
+        for event in self.chain[1:]:
+            kinds.setdefault(event.name, []).append(event)
+        lines = []
+        for name, (event, *more) in kinds.items():
+            noun = CAUSE[name].subject + ("s" if len(more) > 1 else "")
+            lines.append(
+                f"{event}, and {len(more)} more {noun}" if more else f"{event}"
+            )
+        return lines
 
 
 def failure_text(found: Explanation | None, states: Stretch) -> str:
     """Write an explanation, or which failures the states do not have."""
     if found is not None:
         return str(found)
-    bases, wanted = states.base_poses, states.commanded_bases
+    bases = states.base_poses if _has_values(states.base_poses) else None
+    wanted = None if bases is None else states.commanded_bases
     known = {
         "the robot does not fall": bases,
         f"no joint is {ERROR} rad off its command": states.commanded,
-        f"the base is not {ASTRAY} m or {TURNED} rad off its own": wanted,
+        f"the base is not {ASTRAY} m or {TURNED} rad off its command": wanted,
     }
     *first, last = [text for text, of in known.items() if _has_values(of)] or [""]
     told = f"{', '.join(first)}, and {last}" if first else last
@@ -109,9 +126,10 @@ def failure_text(found: Explanation | None, states: Stretch) -> str:
         f"Not known: {names}." if names else "",
     ]
     if bases is not None:
-        lean = np.arccos(np.clip(1.0 - 2.0 * (bases[0, 3:5] ** 2).sum(), -1.0, 1.0))
+        row = int((~np.isnan(bases).any(axis=1)).argmax())
+        lean = np.arccos(np.clip(1.0 - 2.0 * (bases[row, 3:5] ** 2).sum(), -1.0, 1.0))
         if lean > FallLimits.lean:
-            time = 1e-9 * states.stamps[0]
+            time = 1e-9 * states.stamps[row]
             lines.append(
                 f"The base leans by {np.degrees(lean):.0f} degrees already in the "
                 f"first state, at {time:.3f} s; an earlier fall is not looked at."
@@ -176,10 +194,11 @@ CAUSES = (
         "a stream of commands pauses for more than 0.1 s and five of its periods",
         late_commands,
         ("command_jump", "push", "low_gain", "infeasible_commands", *SYMPTOMS),
+        subject="sender",
     ),
     Cause(
         "command_jump",
-        "a command changes by more than 0.15 rad within 0.04 s",
+        "a command changes by 0.15 rad within 0.04 s, and by much less around it",
         command_jumps,
         ("push", "low_gain", "infeasible_commands", *SYMPTOMS),
     ),
@@ -195,6 +214,7 @@ CAUSES = (
         "motion and efforts fit only with a force on the root link, 0.12 of the weight",
         pushed,
         ("low_gain", *SYMPTOMS),
+        subject="link",
     ),
     Cause(
         "load",
@@ -202,6 +222,7 @@ CAUSES = (
         loads,
         ("low_gain", "push", *SYMPTOMS),
         lasts=True,
+        subject="link",
     ),
     Cause(
         "weak_motor",
@@ -235,12 +256,14 @@ CAUSES = (
         "a foot in contact moves along the floor by more than 0.02 m",
         slips,
         ("lost_contact", "unbalanced", "lag", "saturation"),
+        subject="link",
     ),
     Cause(
         "lost_contact",
         "a foot leaves the floor, and is not meant to",
         lost_contacts,
         ("unbalanced", "lag", "saturation"),
+        subject="link",
     ),
     Cause(
         "unbalanced",

@@ -41,6 +41,12 @@ PLACED, PLACED_SPEED = 0.05, 10.0
 """A base that moves this far in [m] and this fast in [m/s] between two states was put
 there."""
 
+PLACED_TURN, PLACED_RATE = 0.3, 15.0
+"""So was one that turns this far in [rad] and this fast in [rad/s]."""
+
+AFTER = 0.1
+"""Time after a failure that tells how large events at the failure are, in [s]."""
+
 DROPS, LANDS = 1.5, 0.1
 """Longest time of a drop as a multiple of that of a free fall, and more in [s]."""
 
@@ -49,7 +55,7 @@ NEEDS = ("ground", "balance", "forces", "efforts")
 
 
 class Run:
-    """The last seconds before a failure. What is not known is None or NaN."""
+    """The last seconds before a failure, and ``AFTER``. Unknown is None or NaN."""
 
     def __init__(
         self,
@@ -239,7 +245,9 @@ def failed_run(
     failed, text = found
     first = int(np.searchsorted(whole.times, whole.times[failed] - BEFORE))
     first = max([first, *(begin for begin in begins if begin <= failed)])
-    run = Run(robot, states.rows(slice(first, failed + 1)), *given)
+    last = int(np.searchsorted(whole.times, whole.times[failed] + AFTER))
+    last = min([max(last, failed + 1), *(end for end in ends if end > failed)])
+    run = Run(robot, states.rows(slice(first, last)), *given)
     run.end, run.failure = float(whole.times[failed]), text
     return run
 
@@ -249,7 +257,10 @@ def _begins(run: Run) -> list[int]:
     if run.bases is None:
         return [0]
     steps = np.linalg.norm(np.diff(run.bases[:, :3], axis=0), axis=1)
-    is_placed = (steps > PLACED_SPEED * np.diff(run.times)) & (steps > PLACED)
+    turns = rotation_vectors(run.bases[:-1, 3:], run.bases[1:, 3:])
+    turns, periods = np.linalg.norm(turns, axis=1), np.diff(run.times)
+    is_placed = (steps > PLACED_SPEED * periods) & (steps > PLACED)
+    is_placed |= (turns > PLACED_RATE * periods) & (turns > PLACED_TURN)
     return [0, *(np.flatnonzero(is_placed) + 1).tolist()]
 
 
