@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import TYPE_CHECKING, Tuple
 
+from g1_description.checks.checker import Checker
 from g1_description.checks.first_cause import Explanation, failure_text
 from g1_description.errors import G1DescriptionError
 from g1_description.motion.history import CommandStream
 from g1_description.motion.history_chunks import Stretch
+from g1_description.scenes.scene import Scene
 from g1_description.web.findings_panel import plain
 from g1_description.web.panel import PageContext
 from g1_description.web.robot import ShownRobot
@@ -35,6 +36,7 @@ class FirstCause:
         robot: ShownRobot,
         read: Callable[[], Past],
         show: Callable[[float], object] = lambda _: None,
+        scene: Scene | None = None,
     ) -> None:
         """Explain a failure.
 
@@ -42,14 +44,8 @@ class FirstCause:
             robot: The robot.
             read: Returns its states and commands.
             show: Given the time of the first cause in [s], shows it.
+            scene: The objects around the robot; None: there are none.
         """
-
-        def write(states: Stretch, found: Explanation | None) -> None:
-            head, *lines = failure_text(found, states).splitlines()
-            rows = [f"- {plain(line)}" for line in lines]
-            self._text.content = "\n".join([f"**{plain(head)}**", "", *rows])
-            if found is not None:
-                show(next(iter(found.chain), found.failure).time)
 
         def forget() -> None:
             self._text.content = ""
@@ -62,13 +58,23 @@ class FirstCause:
                 raise
 
         def ask(past: Past) -> None:
-            self._page.checks.ask(
-                self,
-                robot,
-                lambda checker: checker.explain(*past),
-                partial(write, past[0]),
-                forget,
-            )
+            def find(checker: Checker) -> Explanation | None:
+                return (checker.among(scene) if scene else checker).explain(*past)
+
+            def write(found: Explanation | None) -> None:
+                self._text.content = _markdown(found, past[0])
+                if found is not None:
+                    show(next(iter(found.chain), found.failure).time)
+
+            self._page.checks.ask(self, robot, find, write, forget)
 
         self._text.content = "*Looking for the first cause ...*"
         self._lane.do(get, ask)
+
+
+def _markdown(found: Explanation | None, states: Stretch) -> str:
+    """Write an explanation with its events as a list."""
+    head, *lines = map(plain, failure_text(found, states).splitlines())
+    count = len(found.later) if found else 0
+    events = "\n".join(f"- {line}" for line in lines[:count])
+    return "\n\n".join(filter(None, [f"**{head}**", events, *lines[count:]]))

@@ -412,7 +412,8 @@ class HistoryPanel(Panel):
         def show(at: float) -> None:
             self._show(replace(line, state=None, before=None), round(SECOND * at))
 
-        self._cause.explain(line.robot, states, show)
+        scene = self.page.scene_of(line.robot)
+        self._cause.explain(line.robot, states, show, scene)
 
     def _save(self) -> None:
         """Save the time line as a motion."""
