@@ -23,7 +23,7 @@ FURTHEST, ENOUGH = 0.2, 2e-5
 PIECE, OVERLAP = 1500, 100
 """Samples that are solved for together, and those of them that the next piece has."""
 
-JOINT, PLACE, TURN = 0.1, 0.3, 0.3
+JOINT, PLACE, TURN = 0.1, 0.3, 0.1
 """Tolerances of changes: of joints in [rad] or [m], of the base in [m] and [rad]."""
 
 SMOOTH = (1.0, 2.0, 6.0)
