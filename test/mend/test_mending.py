@@ -2,6 +2,7 @@
 
 import json
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -75,6 +76,21 @@ def test_only_what_is_wanted_is_mended():
     assert [n for n, size in zip(names, changed) if size > 0.01] == ["left_elbow_joint"]
     with pytest.raises(InvalidValueError, match="'knees' cannot be fixed; choose of"):
         ROBOT.mended("faulty.csv", only=["knees"])
+
+
+def test_a_configuration_and_a_motion_without_a_base_are_fixed_too():
+    spoilt = ROBOT.read_motion("faulty.csv")
+    at = int(np.searchsorted(spoilt.times, 2.8))  # an elbow beyond its limit
+    rows = slice(at, at + 1)
+    one = replace(
+        spoilt,
+        times=spoilt.times[:1],
+        positions=spoilt.positions[rows],
+        base_poses=spoilt.base_poses[rows],
+    )
+    for motion in (one, replace(one, base_poses=None)):
+        found = ROBOT.mended(motion, only=["limits"])
+        assert found.certificate.failures[1] < found.certificate.failures[0]
 
 
 def run(monkeypatch, *words):

@@ -83,7 +83,8 @@ def causes(bench):
                 found = next((each for each in tried if each), None)
                 if found is None:
                     continue
-                made, kept = made + 1, found
+                made += 1
+                kept = kept or found
                 right += is_right(checker.explain(*found[:2]), found[2])
             bench.add(f"{kind}: right", right, f"of {made}", f">= {0.8 * made:g}")
     with bench.attempt("time"):

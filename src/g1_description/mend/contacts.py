@@ -84,8 +84,8 @@ def standings(measured: Measured) -> list[Standing]:
     poses = robot.kinematics.link_poses(base, positions)
     in_contact = (ground.in_contact | robot.ground.lonely(ground, measured.times))[at]
     steps = np.linalg.norm(ground.steps[at], axis=-1)
-    gaps = np.diff(motion.times, append=2.0 * motion.times[-1] - motion.times[-2])
-    speeds = steps / gaps[:, np.newaxis]
+    gaps = np.diff(motion.times, append=np.inf)  # nothing moves after the last one
+    speeds = np.nan_to_num(steps) / gaps[:, np.newaxis]
     _fill_gaps(in_contact, ground.heights[at], motion.times)
     drags = np.stack([_dragged(*pair) for pair in zip(in_contact.T, speeds.T)], axis=1)
     found = []
