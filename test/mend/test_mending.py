@@ -3,6 +3,7 @@
 import json
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,8 +12,10 @@ from bench import mend as faults
 from g1_description import Robot
 from g1_description.cli import motion as command
 from g1_description.errors import InvalidValueError
+from g1_description.motion.motion import Motion
 
 ROBOT = Robot()
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.mark.parametrize("name", ["squat.csv", "step_in_place.csv"])
@@ -65,6 +68,23 @@ def test_changes_stay_within_their_bounds_and_what_is_left_is_named():
     assert not moved or moved["base"].largest <= 0.05
     assert not moved or moved["joints"].largest <= 0.05
     assert any("larger than allowed" in text for text in found.certificate.left)
+
+
+def test_wrong_samples_within_the_bounds_are_mended_and_farther_ones_stay():
+    spoilt = ROBOT.read_motion("squat.csv")
+    spoilt.positions[50, 20] += 0.3
+    spoilt.positions[90, 26] += 0.8
+    found = ROBOT.mended(spoilt, only=["outliers"], max_change=0.5).motion
+    changed = np.flatnonzero(np.abs(found.positions - spoilt.positions).max(axis=1))
+    assert changed.tolist() == [50]
+
+
+def test_sliding_joints_move_in_metres():
+    robot = Robot(ROOT / "test" / "data" / "prismatic.urdf")
+    slides = np.linspace(0.0, 0.7, 100)[:, np.newaxis]
+    motion = Motion(np.linspace(0.0, 2.0, 100), ("slide",), slides)
+    moved = robot.mended(motion).certificate.moved
+    assert (moved[0].name, moved[0].unit) == ("sliding joints", "m")
 
 
 def test_only_what_is_wanted_is_mended():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Tuple
 
 import numpy as np
@@ -124,7 +124,10 @@ def _changed(
     """
     if parts[0] in SAMPLES:
         found = SAMPLES[parts[0]](motion)
-        return None if found is motion else (found, checker.check(found), [])
+        if found is motion:
+            return None
+        found = _bounded(given, motion, found, options)
+        return found, checker.check(found), []
     measured = verdict.measured
     assert measured is not None
     correction = Correction(measured, parts, options.keep_hands)
@@ -140,20 +143,35 @@ def _changed(
     else:
         return None
     times = motion.times
-    times = motion.times
     alone = [(float(times[a]), float(times[b])) for a, b in runs(correction.left_alone)]
     return found, judged, alone
 
 
+def _bounded(
+    given: Motion, motion: Motion, found: Motion, options: MendOptions
+) -> Motion:
+    """Leave samples as they were that change more than allowed."""
+    far = _far(given, found, options)[:, np.newaxis]
+    bases = found.base_poses
+    if bases is not None and motion.base_poses is not None:
+        bases = np.where(far, motion.base_poses, bases)
+    positions = np.where(far, motion.positions, found.positions)
+    return replace(found, positions=positions, base_poses=bases)
+
+
 def _too_far(motion: Motion, found: Motion, options: MendOptions) -> np.ndarray:
     """Mark the samples near those that change more than allowed, shape (n,)."""
+    times, far = motion.times, _far(motion, found, options)
+    return _near(times, [(times[a], times[b]) for a, b in runs(far)])
+
+
+def _far(motion: Motion, found: Motion, options: MendOptions) -> np.ndarray:
+    """Mark the samples that change more than allowed, shape (n,)."""
     far = np.abs(found.positions - motion.positions).max(axis=1) > options.max_change
     if motion.base_poses is not None and found.base_poses is not None:
         away = np.linalg.norm((found.base_poses - motion.base_poses)[:, :3], axis=1)
         far |= away > options.max_base
-    return _near(
-        motion.times, [(motion.times[a], motion.times[b]) for a, b in runs(far)]
-    )
+    return np.asarray(far)
 
 
 def _near(times: np.ndarray, spans: Sequence[tuple[float, float]]) -> np.ndarray:
@@ -212,4 +230,4 @@ def _reasons(
                 why = TOO_FAR
             yield f"{finding.text}: {why}"
     for begin, end in left:
-        yield f"{begin:.2f} s to {end:.2f} s is as it was: {TOO_FAR}"
+        yield f"{begin:.2f} s to {end:.2f} s is not corrected further: {TOO_FAR}"
