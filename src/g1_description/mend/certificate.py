@@ -162,7 +162,16 @@ def moved_parts(
     """Measure how far joints, base, and ends of limbs moved; none: empty."""
     times, rotations = before.times, None
     joints = np.abs(after.positions - before.positions)
-    found = [_moved("joints", joints, times, "rad")]
+    sliding = [j.name for j in robot.joints if j.kind == "prismatic"]
+    slides = np.isin(before.joint_names, sliding)
+    found = [
+        _moved(name, joints[:, columns], times, unit)
+        for name, columns, unit in (
+            ("joints", ~slides, "rad"),
+            ("sliding joints", slides, "m"),
+        )
+        if columns.any()
+    ]
     if before.base_poses is not None and after.base_poses is not None:
         away = np.linalg.norm((after.base_poses - before.base_poses)[:, :3], axis=1)
         rotations = angle_between(before.base_poses[:, 3:], after.base_poses[:, 3:])
