@@ -79,6 +79,15 @@ def _drifts(robot, motion, random):
     return replace(motion, base_poses=bases)
 
 
+def _slides(robot, motion, random):
+    """Let the robot slide forwards by 0.25 m within half a second."""
+    bases = motion.base_poses.copy()
+    bases[:, 0] += 0.25 * np.clip(
+        2.0 * (motion.times - motion.times[0]) - 1.0, 0.0, 1.0
+    )
+    return replace(motion, base_poses=bases)
+
+
 def _high(robot, motion, random):
     """Lift all of it by 2 cm."""
     return replace(motion, base_poses=motion.base_poses + 0.02 * np.eye(7)[2])
@@ -114,6 +123,7 @@ def _sunk(robot, motion, random):
 
 WAYS = {
     "drifting": _drifts,
+    "sliding 0.25 m": _slides,
     "2 cm too high": _high,
     "noise of 5 mrad": _noisy,
     "one wrong frame": _outlier,

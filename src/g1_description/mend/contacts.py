@@ -88,6 +88,8 @@ def standings(measured: Measured) -> list[Standing]:
     speeds = np.nan_to_num(steps) / gaps[:, np.newaxis]
     _fill_gaps(in_contact, ground.heights[at], motion.times)
     drags = np.stack([_dragged(*pair) for pair in zip(in_contact.T, speeds.T)], axis=1)
+    slides = (in_contact.sum(axis=1) > 1) & (drags | ~in_contact).all(axis=1)
+    drags[slides] = False  # the whole robot slides, which locks undo
     found = []
     for column in np.flatnonzero(in_contact.any(axis=0)):
         link = int(robot.ground.rows[ground.columns[column]])

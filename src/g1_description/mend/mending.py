@@ -42,7 +42,9 @@ REASONS = {
 }
 """Why findings of checks stay."""
 
+WORSE = "a change would make other findings worse"
 TOO_FAR = "a change would be larger than allowed, or make other findings worse"
+"""Why places are left alone, without bounds of changes and with them."""
 
 Span = Tuple[float, float]
 """First and last time in [s]."""
@@ -92,7 +94,8 @@ def mended(
     moved = (
         moved_parts(checker.checked_robot, given, motion) if motion is not given else ()
     )
-    reasons = tuple(_reasons(verdict, parts, left))
+    is_free = wanted.max_change == wanted.max_base == np.inf
+    reasons = tuple(_reasons(verdict, parts, left, WORSE if is_free else TOO_FAR))
     certificate = Certificate(rows_of(first, verdict), moved, reasons)
     return Mended(motion, certificate, first, verdict)
 
@@ -219,15 +222,15 @@ def _is_better(
 
 
 def _reasons(
-    verdict: Verdict, parts: Collection[str], left: Collection[Span]
+    verdict: Verdict, parts: Collection[str], left: Collection[Span], alone: str
 ) -> Iterator[str]:
     """Say why failures stay that could have been mended, and what was left alone."""
     known = {check for name in parts for check in FINDINGS[name]} | {"effort"}
     for finding in verdict.findings:
         if finding.severity == FAILED and finding.check in known:
-            why = REASONS.get(finding.check, TOO_FAR)
+            why = REASONS.get(finding.check, WORSE)
             if any(begin <= finding.worst_time <= end for begin, end in left):
-                why = TOO_FAR
+                why = alone
             yield f"{finding.text}: {why}"
     for begin, end in left:
-        yield f"{begin:.2f} s to {end:.2f} s is not corrected further: {TOO_FAR}"
+        yield f"{begin:.2f} s to {end:.2f} s is not corrected further: {alone}"
