@@ -323,7 +323,7 @@ def test_a_walk_of_joints_goes_on_foot_by_foot_on_the_floor(world, model):
         assert heights[stance] == pytest.approx(floor, abs=1e-9)
         places.append(model.root_poses[0, 0])
     assert changes >= 4
-    assert (np.diff(places) >= 0.0).all()
+    assert (np.diff(places) >= -1e-15).all()  # but for rounding
     assert places[-1] > 1.0
 
 

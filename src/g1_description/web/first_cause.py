@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Tuple
+from typing import TYPE_CHECKING, Callable, Sequence, Tuple
 
 from g1_description.checks.checker import Checker
 from g1_description.checks.first_cause import Explanation, failure_text
