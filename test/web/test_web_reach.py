@@ -123,6 +123,31 @@ def test_the_gizmos_bring_frames_of_the_palms(page, browser):
     assert len(names) == 2
 
 
+def test_gizmos_stay_on_when_a_browser_comes_as_the_last_one_closes(page, monkeypatch):
+    seen, left, is_back = threading.Event(), threading.Event(), threading.Event()
+
+    def watch(is_watched):
+        (seen if is_watched else left).set()
+        assert is_watched or is_back.wait(DEADLINE)
+
+    monkeypatch.setattr(page.show._world, "watch", watch)
+    while not left.wait(0.1):  # the browser of another test may count still
+        with PageClient(page.show.address):
+            seen.wait(1.0)
+    seen.clear()
+    with PageClient(page.show.address) as browser:
+        browser.wait_until_whole()
+        browser.set("Gizmos", True)
+        browser.set("Arrows along", "the link")
+        wait_until_on(browser, page, HAND, "left_hand")
+        is_back.set()
+        assert seen.wait(DEADLINE)  # the panels were to be left before
+        browser.set("Arrows along", "the map")
+        hand, upright = browser.nodes[GIZMO.format("left_hand")], [1.0, 0.0, 0.0, 0.0]
+        browser.wait_for(lambda: np.allclose(hand["wxyz"], upright), "a turned gizmo")
+        assert hand["visible"]
+
+
 def test_arrows_along_the_map_turn_the_link_from_where_it_is(page, browser):
     browser.set("Arrows along", "the map")
     upright = (1.0, 0.0, 0.0, 0.0)

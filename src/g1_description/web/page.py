@@ -272,6 +272,8 @@ class Page:
 
     def _leave(self) -> None:
         """Let panels hide what nobody needs once the last browser is closed."""
+        if self._gateway.browsers:  # another has come since
+            return
         for panel in self._page.panels:
             self.ui.guarded(panel.leave)
 
