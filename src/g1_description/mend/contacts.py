@@ -46,8 +46,7 @@ class Standing:
     """Whether a point is in contact, shape (n, k)."""
 
     drags: np.ndarray
-    """Whether the link is dragged over the floor while another one stands, shape
-    (n,)."""
+    """Whether the link moves over the floor while another one stands, shape (n,)."""
 
     moves: np.ndarray
     """Whether a point is near the floor and moves along it as before, shape (n, k)."""
@@ -86,7 +85,10 @@ def standings(measured: Measured) -> list[Standing]:
     steps = np.linalg.norm(ground.steps[at], axis=-1)
     gaps = np.diff(motion.times, append=np.inf)  # nothing moves after the last one
     speeds = np.nan_to_num(steps) / gaps[:, np.newaxis]
-    _fill_gaps(in_contact, ground.heights[at], motion.times)
+    is_dragged = [_dragged(*pair) for pair in zip(in_contact.T, speeds.T)]
+    bears = in_contact & ~np.stack(is_dragged, axis=1)
+    carriers = _carriers(bears, ground.heights[at], speeds, motion.times)
+    in_contact |= carriers & (in_contact.sum(axis=1, keepdims=True) < 2)
     drags = np.stack([_dragged(*pair) for pair in zip(in_contact.T, speeds.T)], axis=1)
     slides = (in_contact.sum(axis=1) > 1) & (drags | ~in_contact).all(axis=1)
     drags[slides] = False  # the whole robot slides, which locks undo
@@ -98,35 +100,45 @@ def standings(measured: Measured) -> list[Standing]:
         points, radii = _points(robot, link, poses[touches, link])
         heights = placed_points(poses[:, link], points)[..., 2] - radii
         offsets = heights - heights.min(axis=1, keepdims=True)
-        stands = (touches & ~drags[:, column])[:, np.newaxis] & (offsets < FLAT)
-        lifts = drags[:, column] & others.any(axis=1)
-        level = np.zeros(len(motion.times))
-        if stands.any():
-            level = np.interp(
-                motion.times,
-                motion.times[stands.any(axis=1)],
-                heights.min(axis=1)[stands.any(axis=1)],
-            )
+        lowest, times = heights.min(axis=1), motion.times
+        still = touches & ~drags[:, column]
+        if still.any():
+            level = np.interp(times, times[still], lowest[still])
+            still |= (speeds[:, column] < SLOW) & (np.abs(lowest - level) < BARELY / 2)
+            level = np.interp(times, times[still], lowest[still])
+        else:
+            level = np.zeros(len(times))
+        stands = still[:, np.newaxis] & (offsets < FLAT)
+        lifts = drags[:, column] | (~still & (speeds[:, column] > SLOW))
         moves = (heights - level[:, np.newaxis] < BARELY) & ~stands
         given = link, points, radii, stands, lifts, moves, level, offsets
         found.append(Standing(*given))
     return found
 
 
-def _fill_gaps(in_contact: np.ndarray, heights: np.ndarray, times: np.ndarray) -> None:
-    """Let the lowest link stand where none does for a moment, but near the floor.
+def _carriers(
+    bears: np.ndarray, heights: np.ndarray, speeds: np.ndarray, times: np.ndarray
+) -> np.ndarray:
+    """Find the links near the floor that stand while no other one does.
+
+    They stand by themselves at other times.
 
     Args:
-        in_contact: Shape (n, n_links); is changed.
+        bears: Whether a link is in contact, and not dragged, shape (n, n_links).
         heights: Heights of the links' lowest points in [m], shape (n, n_links).
+        speeds: In [m/s], shape (n, n_links).
         times: In [s], shape (n,).
     """
-    lowest = heights.argmin(axis=1)
-    for first, last in runs(~in_contact.any(axis=1)):
-        rows = np.arange(first, last + 1)
-        is_near = heights[rows, lowest[rows]] < NEAR
-        if times[last] - times[first] < MOMENT and is_near.all():
-            in_contact[rows, lowest[rows]] = True
+    near = (heights < NEAR) & bears.any(axis=0)
+    alone = ~bears.any(axis=1, keepdims=True)
+    found = alone & near & (speeds < SLOW)
+    for first, last in runs(~(bears | found).any(axis=1)):
+        rows = slice(first, last + 1)
+        if times[last] - times[first] < MOMENT and near[rows].any(axis=1).all():
+            slowest = np.where(near[rows], speeds[rows], np.inf).argmin(axis=1)
+            at = np.arange(first, last + 1)
+            found[at, slowest] = speeds[at, slowest] < 2.0 * SLOW
+    return found
 
 
 def _dragged(touches: np.ndarray, speeds: np.ndarray) -> np.ndarray:

@@ -17,14 +17,21 @@ from g1_description.robot.transform import compose, inverse
 ROUNDS = 12
 """Rounds of Gauss and Newton's method."""
 
-FURTHEST, ENOUGH = 0.2, 2e-5
+FURTHEST, ENOUGH = 0.2, 2e-4
 """Largest change in a round, and one with which it ends, in [rad] or [m]."""
+
+STALLED, KNOWN = 0.7, 5
+"""It also ends if a change is larger than this multiple of the one before, from a round
+on when most of what is wrong is known."""
 
 PIECE, OVERLAP = 1500, 100
 """Samples that are solved for together, and those of them that the next piece has."""
 
 JOINT, PLACE, TURN = 0.1, 0.3, 0.1
 """Tolerances of changes: of joints in [rad] or [m], of the base in [m] and [rad]."""
+
+KEPT = 0.03
+"""Tolerance of the base's place in [m] if it is to keep near its path."""
 
 SMOOTH = (1.0, 2.0, 6.0)
 """Tolerances of accelerations of the change: of the base in [m/s^2] and [rad/s^2], and
@@ -54,7 +61,7 @@ ALONE = 5e-3
 LIFTED = 0.012
 """Height of a foot that was dragged, in [m]."""
 
-APART, MARGIN = 5e-4, 0.03
+APART, MARGIN = 5e-4, 0.005
 """Distance of links that were pushed apart, and up to which it is measured, in [m]."""
 
 WITHIN = 0.005
@@ -75,6 +82,7 @@ class Correction:
         measured: Measured,
         parts: Collection[str],
         keeps_hands: bool = False,
+        keeps_base: bool = False,
     ) -> None:
         """Find what has to be corrected.
 
@@ -83,7 +91,9 @@ class Correction:
             parts: What is corrected, of ``feet``, ``limits``, ``collisions``, ``speed``
                 and ``balance``.
             keeps_hands: Whether the ends of arms keep their paths.
+            keeps_base: Whether the base keeps near its path.
         """
+        self._place = KEPT if keeps_base else PLACE
         self._measured, self._parts = measured, parts
         self._robot: CheckedRobot = measured.robot
         motion = measured.motion
@@ -167,7 +177,8 @@ class Correction:
         """Solve for some samples; the first ones may be solved already."""
         rows = slice(first, last)
         done, fixed = before.copy(), OVERLAP if first else 0
-        for _ in range(ROUNDS):
+        largest = np.inf
+        for number in range(ROUNDS):
             at = changed(self._bases[rows], self._positions[rows], done)
             placed = Placed(self._robot, *at)
             change = Change(len(done), len(self._moved))
@@ -179,15 +190,17 @@ class Correction:
             self._add_centers(change, placed, rows)
             self._add_hands(change, placed, rows)
             step = change.solve()
-            largest = float(np.abs(step).max())
+            previous, largest = largest, float(np.abs(step).max())
             done = done + min(1.0, FURTHEST / max(largest, FURTHEST)) * step
-            if largest < ENOUGH:
+            if largest < ENOUGH or (number > KNOWN and largest > STALLED * previous):
                 break
         return done
 
     def _small(self, count: int, fixed: int, first: int) -> np.ndarray:
         """Weigh the sizes of changes, shape (count, size)."""
-        own = np.concatenate([[PLACE] * 3, [TURN] * 3, [JOINT] * len(self._moved)])
+        own = np.concatenate(
+            [[self._place] * 3, [TURN] * 3, [JOINT] * len(self._moved)]
+        )
         weights = np.tile(1.0 / own, (count, 1))
         weights[:, N_BASE:][:, ~self._moved] = 1e6
         if not self._has_base:
@@ -339,24 +352,36 @@ class Correction:
             return
         center, jacobian = placed.center_jacobian(self._robot.masses)
         feet = [
-            (placed_points(placed.poses[:, one.link], one.points), one.stands[rows])
+            (
+                one.link,
+                placed_points(placed.poses[:, one.link], one.points),
+                one.stands[rows],
+            )
             for one in self._standings
         ]
-        goals, used = [], []
+        used, residuals, along = [], [], []
+        was_out = self._ever("out", rows, np.zeros(len(center), dtype=bool)).copy()
         for row in at.tolist():
-            points = np.concatenate([p[row][stands[row]] for p, stands in feet])
-            if not len(points):
+            standing = [(link, p[row, s[row]]) for link, p, s in feet if s[row].any()]
+            if not standing:
                 continue
+            points = np.concatenate([points for _, points in standing])
             polygon = support_polygon(points[:, :2])
-            if support_margin(polygon, *center[row, :2].tolist()) < WITHIN:
-                edge = nearest_point(polygon, *center[row, :2].tolist())
+            place = center[row, :2]
+            if was_out[row] or support_margin(polygon, *place.tolist()) < WITHIN:
+                edge = nearest_point(polygon, *place.tolist())
                 inwards = np.mean(polygon, axis=0) - edge
                 far = max(float(np.linalg.norm(inwards)), WITHIN)
-                goals.append(edge + inwards * WITHIN / far)
                 used.append(row)
+                residuals.append(place - edge - inwards * WITHIN / far)
+                links = np.repeat(*zip(*((link, len(some)) for link, some in standing)))
+                moved = placed.jacobian(np.full(len(points), row), links, points)
+                along.append((jacobian[row] - moved.mean(axis=0))[:2])
         if used:
-            residual = (center[used, :2] - np.array(goals)) / CENTER
-            change.add(np.array(used), jacobian[used, :2] / CENTER, residual)
+            was_out[used] = True
+            self._ever("out", rows, was_out)
+            residual, apart = np.array(residuals) / CENTER, np.array(along) / CENTER
+            change.add(np.array(used), apart, residual)
 
     def _add_hands(self, change: Change, placed: Placed, rows: slice) -> None:
         """Keep hands on their paths."""

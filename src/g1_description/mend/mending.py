@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Tuple
+from typing import NamedTuple, Tuple
 
 import numpy as np
 
@@ -14,14 +14,15 @@ from g1_description.checks.verdict import FAILED, Verdict
 from g1_description.mend.certificate import LARGER, Certificate, moved_parts, rows_of
 from g1_description.mend.correction import Correction
 from g1_description.mend.options import FINDINGS, MendOptions
-from g1_description.mend.samples import without_noise, without_outliers
+from g1_description.mend.samples import on_floor, without_noise, without_outliers
 from g1_description.motion.motion import Motion
+from g1_description.text import listed
 
-SAMPLES = {"outliers": without_outliers, "noise": without_noise}
-"""Parts that change each joint by itself."""
+SAMPLES = {"outliers": without_outliers, "noise": without_noise, "floor": on_floor}
+"""Parts that change samples by themselves."""
 
-PASSES = 3
-"""Most times that all parts are tried."""
+PASSES = 6
+"""Most changes that follow each other."""
 
 LESS = 0.05
 """A part is kept if it removes this much: a failure counts 1 and its fraction of time,
@@ -32,6 +33,13 @@ SPREAD = 0.4
 
 TRIES = 3
 """Times that a correction is tried with more places left alone."""
+
+AWAY = 0.01
+"""The base keeps near its path if it would else be this far from it, rms in [m]."""
+
+MORE, SMALL, NEARLY = 1.5, 2e-3, 0.5
+"""Largest ratio and rms in [rad] of the joints' changes that this is worth, and what
+may stay more, as for ``LESS``."""
 
 REASONS = {
     "contact_forces": "only slower or other movements need less",
@@ -80,17 +88,14 @@ def mended(
     """
     wanted = options or MendOptions()
     parts = [name for name in FINDINGS if not wanted.only or name in wanted.only]
-    first = verdict = checker.check(motion)
-    given: Motion = motion
-    left: list[Span] = []
+    mending = _Mending(checker, motion, parts, wanted)
+    first, given = mending.now.verdict, motion
     for _ in range(PASSES):
-        is_mended = False
-        for some in _tried(verdict, parts):
-            found = _changed(checker, given, motion, verdict, some, wanted)
-            if found and _is_better(first, verdict, found[1], some):
-                (motion, verdict, left), is_mended = found, True
-        if not is_mended:
+        found = mending.next()
+        if found is None:
             break
+        mending.now = found
+    motion, verdict, left = mending.now
     moved = (
         moved_parts(checker.checked_robot, given, motion) if motion is not given else ()
     )
@@ -100,54 +105,124 @@ def mended(
     return Mended(motion, certificate, first, verdict)
 
 
-def _tried(verdict: Verdict, parts: Collection[str]) -> Iterator[tuple[str, ...]]:
-    """List the parts that are tried: samples first, then all of the body, then each."""
-    checks = {finding.check for finding in verdict.findings}
-    due = [name for name in parts if checks & {*FINDINGS[name]}]
-    yield from ((name,) for name in due if name in SAMPLES)
-    body = tuple(name for name in due if name not in SAMPLES)
-    sure = tuple(name for name in body if name != "balance")
-    for some in dict.fromkeys((body, sure, *((name,) for name in body))):
-        if some:
-            yield some
+class _State(NamedTuple):
+    """A motion on the way."""
+
+    motion: Motion
+    verdict: Verdict
+    left: Sequence[Span]
+    """Times that are not corrected."""
 
 
-def _changed(
-    checker: Checker,
-    given: Motion,
-    motion: Motion,
-    verdict: Verdict,
-    parts: tuple[str, ...],
-    options: MendOptions,
-) -> tuple[Motion, Verdict, list[Span]] | None:
-    """Correct a motion within the bounds.
+class _Mending:
+    """Looks for changes that are worth it, one after the other."""
 
-    Returns:
-        The motion, its verdict, and what is left alone; None without a change.
-    """
-    if parts[0] in SAMPLES:
-        found = SAMPLES[parts[0]](motion)
-        if found is motion:
-            return None
-        found = _bounded(given, motion, found, options)
-        return found, checker.check(found), []
-    measured = verdict.measured
-    assert measured is not None
-    correction = Correction(measured, parts, options.keep_hands)
-    for _ in range(TRIES):
-        found = correction.find()
-        wrong = _too_far(given, found, options)
-        if not wrong.any():
-            judged = checker.check(found)
-            wrong = _worse(motion, verdict, judged)
-            if not wrong.any():
-                break
-        correction.left_alone |= wrong
-    else:
+    def __init__(
+        self,
+        checker: Checker,
+        given: Motion,
+        parts: Collection[str],
+        options: MendOptions,
+    ) -> None:
+        self._checker, self._parts, self._options = checker, parts, options
+        self._given = given
+        self.now = _State(given, checker.check(given), ())
+        self._first = self.now.verdict
+
+    def next(self) -> _State | None:
+        """Return a better motion; None if there is none.
+
+        Samples are tried first; then all of the body, then each of its parts; at last
+        samples together with what they uncover.
+        """
+        start = None
+        for name in self._due(self.now):
+            if name in SAMPLES:
+                found = self._filtered(start or self.now, name)
+                if found and self._is_better(found, name):
+                    return found
+                start = found or start
+        body = self._body(self.now)
+        for some in dict.fromkeys((body, *((name,) for name in body))):
+            found = self._corrected(self.now, some)
+            if found and self._is_better(found):
+                return self._near_path(found, some)
+        if start:
+            found = self._corrected(start, self._body(start))
+            if found and self._is_better(found):
+                return found
         return None
-    times = motion.times
-    alone = [(float(times[a]), float(times[b])) for a, b in runs(correction.left_alone)]
-    return found, judged, alone
+
+    def _due(self, state: _State) -> list[str]:
+        """List the parts that remove something of what was found."""
+        checks = {finding.check for finding in state.verdict.findings}
+        return [name for name in self._parts if checks & {*FINDINGS[name]}]
+
+    def _body(self, state: _State) -> tuple[str, ...]:
+        """List the parts of them that move the body as a whole."""
+        return tuple(name for name in self._due(state) if name not in SAMPLES)
+
+    def _is_better(self, found: _State, part: str = "") -> bool:
+        """Return whether a change is kept."""
+        for before in (self._first, self.now.verdict):
+            if any(row.is_worse for row in rows_of(before, found.verdict)):
+                return False
+        gain = _score(self.now.verdict) - _score(found.verdict)
+        return gain > (0.0 if part == "noise" else LESS)
+
+    def _filtered(self, state: _State, part: str) -> _State | None:
+        """Change samples within the bounds; None: no change."""
+        measured = state.verdict.measured
+        assert measured is not None
+        found = SAMPLES[part](measured)
+        if found is state.motion:
+            return None
+        found = _bounded(self._given, state.motion, found, self._options)
+        return _State(found, self._checker.check(found), state.left)
+
+    def _corrected(
+        self, state: _State, parts: tuple[str, ...], keeps_base: bool = False
+    ) -> _State | None:
+        """Correct the body within the bounds; None: that is not possible."""
+        measured = state.verdict.measured
+        if not parts or measured is None:
+            return None
+        correction = Correction(measured, parts, self._options.keep_hands, keeps_base)
+        for _ in range(TRIES):
+            found = correction.find()
+            wrong = _too_far(self._given, found, self._options)
+            if not wrong.any():
+                judged = self._checker.check(found)
+                wrong = _worse(self.now.motion, self.now.verdict, judged)
+                if not wrong.any():
+                    break
+            correction.left_alone |= wrong
+        else:
+            return None
+        times, alone = found.times, runs(correction.left_alone)
+        return _State(
+            found, judged, [(float(times[a]), float(times[b])) for a, b in alone]
+        )
+
+    def _near_path(self, found: _State, parts: tuple[str, ...]) -> _State:
+        """Keep the base near its path, if the joints hardly change more for that."""
+        joints, base = _sizes(self.now.motion, found.motion)
+        if base < AWAY:
+            return found
+        near = self._corrected(self.now, parts, keeps_base=True)
+        if near is None or _score(near.verdict) > _score(found.verdict) + NEARLY:
+            return found
+        is_near = _sizes(self.now.motion, near.motion)[0] < MORE * joints + SMALL
+        return near if is_near and self._is_better(near) else found
+
+
+def _sizes(before: Motion, after: Motion) -> tuple[float, float]:
+    """Measure changes, rms: of the joints in [rad], of the base's place in [m]."""
+    joints = np.sqrt(((after.positions - before.positions) ** 2).mean())
+    if before.base_poses is None or after.base_poses is None:
+        return float(joints), 0.0
+    away = (after.base_poses - before.base_poses)[:, :3]
+    return float(joints), float(np.sqrt((away**2).sum(axis=1).mean()))
 
 
 def _bounded(
@@ -177,7 +252,7 @@ def _far(motion: Motion, found: Motion, options: MendOptions) -> np.ndarray:
     return np.asarray(far)
 
 
-def _near(times: np.ndarray, spans: Sequence[tuple[float, float]]) -> np.ndarray:
+def _near(times: np.ndarray, spans: Sequence[Span]) -> np.ndarray:
     """Mark the times near intervals, shape (n,)."""
     found = np.zeros(len(times), dtype=bool)
     for begin, end in spans:
@@ -209,18 +284,6 @@ def _score(verdict: Verdict) -> float:
     return float(np.dot(weights, sizes))
 
 
-def _is_better(
-    first: Verdict, before: Verdict, after: Verdict, parts: tuple[str, ...]
-) -> bool:
-    """Return whether a change is kept."""
-    if any(row.is_worse for row in rows_of(first, after)):
-        return False
-    if any(row.is_worse for row in rows_of(before, after)):
-        return False
-    gain = _score(before) - _score(after)
-    return gain > (0.0 if parts == ("noise",) else LESS)
-
-
 def _reasons(
     verdict: Verdict, parts: Collection[str], left: Collection[Span], alone: str
 ) -> Iterator[str]:
@@ -232,5 +295,6 @@ def _reasons(
             if any(begin <= finding.worst_time <= end for begin, end in left):
                 why = alone
             yield f"{finding.text}: {why}"
-    for begin, end in left:
-        yield f"{begin:.2f} s to {end:.2f} s is not corrected further: {alone}"
+    if left:
+        spans = listed([f"{begin:.2f} to {end:.2f} s" for begin, end in left])
+        yield f"{spans}: not corrected further, {alone}"

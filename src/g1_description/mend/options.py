@@ -20,6 +20,7 @@ FINDINGS = {
         "effort",
         "contact_forces",
     ),
+    "floor": ("penetration", "floating", "contact_forces"),
     "limits": ("position",),
     "feet": ("skating", "drift", "penetration", "floating", "contact_forces"),
     "collisions": ("self_collision",),

@@ -1,4 +1,4 @@
-"""Single wrong samples, and noise, of joints and base."""
+"""Single wrong samples and noise of joints and base, and the height of a motion."""
 
 from __future__ import annotations
 
@@ -11,7 +11,10 @@ from scipy.ndimage import median_filter
 from scipy.optimize import minimize_scalar
 
 from g1_description.checks.intervals import runs
+from g1_description.checks.measured import Measured
+from g1_description.motion.edit import moved
 from g1_description.motion.motion import Motion
+from g1_description.robot.transform import IDENTITY
 
 AROUND, MOST = 7, 3
 """Samples whose median an outlier is far from, and the most in a row that are ones."""
@@ -27,19 +30,34 @@ WHITE = 1.6
 """Least ratio of fourth to third differences of noise: 1.87 if it is white; smooth
 motions have less than 1."""
 
+OFF = 0.03
+"""A motion is lifted or lowered if its lowest points are this far from the floor in
+half of its samples, in [m]."""
 
-def without_outliers(motion: Motion) -> Motion:
+
+def on_floor(measured: Measured) -> Motion:
+    """Lift or lower a motion that is above or below the floor as a whole."""
+    motion, ground = measured.motion, measured.ground
+    if motion.base_poses is None or ground is None or not ground.heights.size:
+        return motion
+    height = float(np.median(ground.heights.min(axis=1)))
+    if abs(height) < OFF:
+        return motion
+    return moved(motion, np.append([0.0, 0.0, -height], IDENTITY[3:]))
+
+
+def without_outliers(measured: Measured) -> Motion:
     """Replace single wrong samples by the straight line between their neighbours."""
-    return _each(motion, _without_outliers, (OUTLIER, OUTLIER_PLACE, OUTLIER))
+    return _each(measured.motion, _without_outliers, (OUTLIER, OUTLIER_PLACE, OUTLIER))
 
 
-def without_noise(motion: Motion) -> Motion:
+def without_noise(measured: Measured) -> Motion:
     """Remove white noise by splines of the smoothness that fits it best.
 
     Smoothing by cosines with generalized cross-validation, which has no lag. Source:
     Garcia, Computational Statistics & Data Analysis 54, 2010.
     """
-    return _each(motion, _without_noise, (NOISE, NOISE_PLACE, NOISE))
+    return _each(measured.motion, _without_noise, (NOISE, NOISE_PLACE, NOISE))
 
 
 Filter = Callable[[np.ndarray, np.ndarray, float], np.ndarray]
