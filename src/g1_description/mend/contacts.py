@@ -13,9 +13,10 @@ from g1_description.robot.rotation import to_axes
 FLAT = 0.01
 """Points of a link up to this height above its lowest one stand, too, in [m]."""
 
-DRAG, SLOW = 0.3, 0.1
+DRAG, SLOW, RESTS = 0.3, 0.1, 0.06
 """A foot that is dragged along the floor reaches the first speed, and is faster than
-the second one, in [m/s]."""
+the second one; one that rests is slower than that, and than the last one upwards, in
+[m/s]."""
 
 BARELY, LOW = 0.01, 0.05
 """Heights above where the link stands up to which points move along the floor as
@@ -104,7 +105,10 @@ def standings(measured: Measured) -> list[Standing]:
         still = touches & ~drags[:, column]
         if still.any():
             level = np.interp(times, times[still], lowest[still])
-            still |= (speeds[:, column] < SLOW) & (np.abs(lowest - level) < BARELY / 2)
+            rests = speeds[:, column] < SLOW
+            if len(times) > 1:
+                rests &= np.abs(np.gradient(lowest, times)) < RESTS
+            still |= rests & (np.abs(lowest - level) < BARELY / 2)
             level = np.interp(times, times[still], lowest[still])
         else:
             level = np.zeros(len(times))
