@@ -114,6 +114,25 @@ def test_a_configuration_and_a_motion_without_a_base_are_fixed_too():
         assert found.certificate.failures[1] < found.certificate.failures[0]
 
 
+@pytest.mark.parametrize("height", [0.05, -0.05])
+def test_a_motion_above_or_below_the_floor_is_moved_as_a_whole(height):
+    clean = ROBOT.read_motion("squat.csv")
+    spoilt = replace(clean, base_poses=clean.base_poses + height * np.eye(7)[2])
+    found = ROBOT.mended(spoilt)
+    np.testing.assert_allclose(found.motion.base_poses, clean.base_poses, atol=2e-3)
+    np.testing.assert_array_equal(found.motion.positions, clean.positions)
+
+
+def test_noise_is_removed_where_that_uncovers_something_else():
+    """Noise beyond a limit: the smooth motion is still beyond it."""
+    noisy = faults.WAYS["noise of 5 mrad"](
+        ROBOT, ROBOT.read_motion("squat.csv"), np.random.default_rng(0)
+    )
+    spoilt = faults.WAYS["drifting"](ROBOT, noisy, None)
+    found = ROBOT.mended(spoilt)
+    assert found.after.passed, str(found.certificate)
+
+
 def run(monkeypatch, *words):
     """Run the command; give its exit code."""
     monkeypatch.setattr(sys, "argv", ["motion", "mend", *map(str, words)])
@@ -128,7 +147,8 @@ def test_the_command_writes_the_motion_and_prints_what_was_changed(
     out = tmp_path / "mended.csv"
     assert run(monkeypatch, "faulty.csv", "--only", "limits", "--dry-run") == 0
     assert "position        1 -> 0    0 -> 0" in capsys.readouterr().out
-    assert run(monkeypatch, "faulty.csv", "--only", "limits", "--out", out) == 0
+    assert run(monkeypatch, "faulty.csv", "--only=limits", "--html", "--out", out) == 0
+    assert '"before":{"times"' in out.with_suffix(".html").read_text()
     assert "mended.csv: 401 samples, 8.00 s\n  check " in capsys.readouterr().out
     assert not [f for f in ROBOT.check(out).findings if f.check == "position"]
     assert run(monkeypatch, "squat.csv", "--dry-run", "--json") == 0

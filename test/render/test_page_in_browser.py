@@ -88,7 +88,7 @@ def page(chromium, robot, faulty, tmp_path_factory):
         yield open_page(motion_page(robot.description, *faulty, "faulty.csv"))
 
 
-DRAWN = "Boolean(viewer.motion && viewer.scene.matrices)"
+DRAWN = "Boolean(viewer.motion && viewer.scene.placed)"
 NOW = "viewer.draw(1)"
 
 
@@ -96,12 +96,12 @@ def shown_time(page):
     return page.raw.evaluate("viewer.time")
 
 
-def matrices(page, links, time):
-    """Read the matrices with which links are drawn at a time, shape (n, 4, 4)."""
+def matrices(page, links, time, number=0):
+    """Read the matrices with which links of a robot are drawn, shape (n, 4, 4)."""
     read = page.raw.evaluate(
-        "([links, time]) => { viewer.show(time); viewer.draw(1);"
-        " return links.map((link) => viewer.matrix(link)); }",
-        [links, time],
+        "([links, time, number]) => { viewer.show(time); viewer.draw(1);"
+        " return links.map((link) => viewer.matrix(link, number)); }",
+        [links, time, number],
     )
     return np.array(read).reshape(-1, 4, 4).swapaxes(1, 2)
 
@@ -115,13 +115,13 @@ def as_matrices(poses):
     return found
 
 
-def compare_poses(page, description, motion, time):
+def compare_poses(page, description, motion, time, number=0):
     """Compare what is drawn with our forward kinematics."""
     now = sample(motion, np.array([time]))
     joints = [joint.name for joint in description.movable_joints]
     rows = now.positions[0][[motion.joint_names.index(name) for name in joints]]
     poses = Kinematics(description).link_poses(now.base_poses[0], rows)
-    drawn = matrices(page, [*description.link_names], time)
+    drawn = matrices(page, [*description.link_names], time, number)
     assert np.abs(drawn - as_matrices(poses)).max() < 1e-4
 
 
@@ -143,7 +143,7 @@ def test_objects_are_drawn_where_they_are_and_carried(opened, robot, faulty):
     holds = holds_of(scene.values(), robot.description, links)
     for time in (0.0, 0.81, 1.7, 2.8, 5.0833, 8.0):
         matrices(page, [], time)
-        read = page.raw.evaluate("viewer.scene.matrices.slice(-3)")
+        read = page.raw.evaluate("viewer.scene.placed[0].slice(-3)")
         drawn = np.array(read).reshape(-1, 4, 4).swapaxes(1, 2)
         poses = object_poses(holds, np.array([time]), links)[0]
         assert np.abs(drawn - as_matrices(poses)).max() < 1e-4
@@ -217,6 +217,19 @@ def test_contact_forces_are_drawn_where_they_act_and_hidden_by_a_button(page, fa
     page.raw.locator("#forces").click()
     assert blue_pixels() == 0
     page.raw.locator("#forces").click()
+
+
+def test_what_a_motion_was_before_is_drawn_beside_it_until_it_is_hidden(opened, robot):
+    before, time = robot.read_motion("squat.csv"), 1.5
+    motion = replace(before, positions=0.5 * before.positions)
+    page = opened(motion_page(robot.description, motion, before=before, about="a < b"))
+    assert page.raw.text_content("pre") == "a < b"
+    beside = before.base_poses + np.eye(7)[1]
+    compare_poses(page, robot.description, motion, time)
+    before = replace(before, base_poses=beside)
+    compare_poses(page, robot.description, before, time, 1)
+    page.raw.click("#before")
+    page.wait_for(lambda: page.raw.evaluate("viewer.scene.placed.length") == 1, "one")
 
 
 def test_the_page_says_how_much_is_missing(opened, robot):

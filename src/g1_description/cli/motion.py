@@ -114,13 +114,17 @@ class MotionWorker(FileWorker):
                 is_json = isinstance(args, Info) and args.json
                 text = json.dumps(facts) if is_json else description(facts, self.robot)
                 return Done(name, text=text)
-            edited, about = args.edit(motion, self.robot)
+            edited, about, page = args.edit(motion, self.robot)
             if name not in self.places:  # --dry-run
                 return Done(name, text=about if args.json else f"{name}:\n{about}")
             place = self.places[name]
             if place != args.out and args.to is not None:
                 place = WRITERS[args.to].place(place, edited)
             done = written(name, edited, self.robot, place, args.to)
+            if page:
+                html = place.with_suffix(".html")
+                code = page.encode("utf-8", "backslashreplace")
+                done = replace(done, files={**done.files, html: code})
             return replace(done, text=f"{done.text}\n{about}") if about else done
         except G1DescriptionError as error:
             result = NO_MOTION if isinstance(error, NoMotionError) else NOT_READ

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 from g1_description.bridge.recorded_file import WRITERS
 from g1_description.checks.batch import Task
@@ -90,6 +90,17 @@ class Info(Reading):
     json: bool = option("print a line of JSON for each motion", False)
 
 
+class Edited(NamedTuple):
+    """An edited motion."""
+
+    motion: Motion
+    about: str = ""
+    """Text to print."""
+
+    page: str = ""
+    """A page in HTML."""
+
+
 @dataclass(frozen=True)
 class Edit(Reading):
     """Options for writing motions."""
@@ -119,13 +130,13 @@ class Edit(Reading):
         """
         return motion
 
-    def edit(self, motion: Motion, robot: Description) -> tuple[Motion, str]:
-        """Edit a motion; return also a text about it, which may be empty.
+    def edit(self, motion: Motion, robot: Description) -> Edited:
+        """Edit a motion; describe it if there is something to say.
 
         Raises:
             G1DescriptionError: If it cannot be done.
         """
-        return self.edited(motion, robot), ""
+        return Edited(self.edited(motion, robot))
 
     def is_merged(self, tasks: Sequence[Task]) -> bool:
         """Return whether all motions are written to one file."""
@@ -425,6 +436,9 @@ class Mend(Edit):
     keep_hands: bool = option("keep the paths of hands in the map", False)
     dry_run: bool = option("write no motion, only say what would be changed", False)
     json: bool = option("print a line of JSON for each motion", False)
+    html: bool = option(
+        "write also a page with both robots, FILE.html, next to each motion", False
+    )
 
     def __post_init__(self) -> None:
         """Check what is to be fixed."""
@@ -443,15 +457,22 @@ class Mend(Edit):
         """Choose where motions are written; nowhere with ``--dry-run``."""
         return {} if self.dry_run else super().places(tasks)
 
-    def edit(self, motion: Motion, robot: Description) -> tuple[Motion, str]:
+    def edit(self, motion: Motion, robot: Description) -> Edited:
         """Fix it."""
         from g1_description.mend.mending import mended  # few need checks
 
         found = mended(_checker(robot), motion, self._wanted())
-        certificate = found.certificate
+        certificate, page = found.certificate, ""
+        if self.html:
+            from g1_description.render.page import motion_page
+
+            text = str(certificate)
+            page = motion_page(
+                robot, found.motion, found.after, before=motion, about=text
+            )
         if self.json:
-            return found.motion, json.dumps(certificate.as_dict())
-        return found.motion, textwrap.indent(str(certificate), "  ")
+            return Edited(found.motion, json.dumps(certificate.as_dict()), page)
+        return Edited(found.motion, textwrap.indent(str(certificate), "  "), page)
 
 
 _CHECKERS: dict[int, Checker] = {}

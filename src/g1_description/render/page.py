@@ -50,6 +50,8 @@ def motion_page(
     verdict: Verdict | None = None,
     name: str = "",
     scene: Mapping[str, SceneObject] | None = None,
+    before: Motion | None = None,
+    about: str = "",
 ) -> str:
     """Write a page on a motion.
 
@@ -61,6 +63,9 @@ def motion_page(
             checked.
         name: Name of the motion; empty: its own name, or that of the robot.
         scene: Objects around the robot; None: none.
+        before: What the motion was before it was changed, drawn beside it; None: the
+            motion alone is drawn.
+        about: Lines of text on the motion.
 
     Returns:
         HTML. Names may contain bytes that are not text, so it is to be encoded with
@@ -81,7 +86,11 @@ def motion_page(
             for name, position in zip(motion.joint_names, motion.positions[0].tolist())
         ]
         table = f'<table class="joints">\n{"".join(rows)}</table>\n'
-    content = motion_data(description, motion, verdict, objects)
+    if about:
+        table = f'<pre class="about">{escape(about)}</pre>\n{table}'
+    if before is not None:
+        before = fitted(before, description)
+    content = motion_data(description, motion, verdict, objects, before)
     section = _section(FileResult(title, verdict), 0, content, notes, table)
     return "".join(_page(title, "", section, robot))
 

@@ -181,6 +181,7 @@ def motion_data(
     motion: Motion,
     verdict: Verdict | None = None,
     objects: Collection[SceneObject] = (),
+    before: Motion | None = None,
 ) -> str:
     """Write a motion and its findings.
 
@@ -189,10 +190,22 @@ def motion_data(
         motion: Motion of joints that it has.
         verdict: Verdict of the motion; with its measurements these are there, too.
         objects: Those around the robot, in the order of ``robot_data``.
+        before: The motion before it was changed, if it is drawn, too.
 
     Returns:
         JSON.
     """
+    return as_json(_content(description, motion, verdict, objects, before))
+
+
+def _content(
+    description: Description,
+    motion: Motion,
+    verdict: Verdict | None,
+    objects: Collection[SceneObject],
+    before: Motion | None,
+) -> dict[str, Any]:
+    """Collect what ``motion_data`` writes."""
     some = slice(None, None, -(-len(motion.times) // MAX_SAMPLES))
     numbers = {joint.name: k for k, joint in enumerate(description.movable_joints)}
     velocities, roots = motion.velocities, None
@@ -204,7 +217,7 @@ def motion_data(
     if verdict is not None and verdict.measured is not None:
         floor = verdict.measured.robot.thresholds.floor_height
         checked = _encoded(_some(verdict.measured.times), "<f8")
-    content = {
+    content: dict[str, Any] = {
         "times": _encoded(motion.times[some], "<f8"),
         "joints": [numbers[name] for name in motion.joint_names],
         "positions": _encoded(motion.positions[some], "<f4"),
@@ -227,7 +240,9 @@ def motion_data(
             {"name": short_name(link), "intervals": intervals}
             for link, intervals in verdict.floor_contacts.items()
         ]
-    return as_json(content)
+    if before is not None:
+        content["before"] = _content(description, before, None, (), None)
+    return content
 
 
 def _forces(verdict: Verdict) -> dict[str, str] | None:

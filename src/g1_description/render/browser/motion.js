@@ -69,6 +69,7 @@ class Motion {
     this.roots = optional(content.roots);
     this.checked = content.checked && decode(content.checked, Float64Array);
     if (this.forces) this.forces = { arrows: optional(content.forces.arrows), missing: optional(content.forces.missing) };
+    if (content.before) this.before = new Motion(robot, content.before);
     this.begin = this.times[0];
     this.end = this.times[this.times.length - 1];
     this.isSingle = this.times.length === 1;

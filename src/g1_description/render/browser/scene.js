@@ -125,6 +125,7 @@ const upright = (start, vector, radius, begin, end) => {
 
 const RED = [0.85, 0.05, 0.05, 1];
 const ORANGE = [0.95, 0.5, 0, 1];
+const GREY = [0.72, 0.75, 0.8, 1];
 const BLUE = [0.1, 0.35, 0.9, 1];
 const SHORTEST = 0.01; // of arrows that are drawn, in m
 const NEAR = 0.6; // objects in this distance from the robot are in view, in m
@@ -224,8 +225,8 @@ class Scene {
     return [low, high];
   }
 
-  /** Draw; the camera looks at a target from yaw and pitch. */
-  draw(poses, red, balls, arrows, camera, floor, quality) {
+  /** Draw robots, all but the first in grey; the camera looks at a target from yaw and pitch. */
+  draw(robots, red, balls, arrows, camera, floor, quality) {
     const { gl, canvas } = this;
     const ratio = Math.min(window.devicePixelRatio || 1, 2) * quality;
     const [width, height] = [canvas.clientWidth, canvas.clientHeight].map((side) =>
@@ -263,24 +264,27 @@ class Scene {
     gl.uniformMatrix4fv(solid.view, false, this.view);
     gl.uniform3fv(solid.eye, eye);
     gl.uniform3fv(solid.lamp, towards(yaw - 0.66, 0.87));
-    this.matrices = poses.map((pose) => matrix(pose));
+    const placed = this.placed = robots.map((poses) => poses.map((pose) => matrix(pose)));
     const shadow = [1, 0, 0, 0, 0, 1, 0, 0, -0.25, 0.2, 0, 0, 0.25 * floor, -0.2 * floor, floor, 1];
     gl.enable(gl.STENCIL_TEST);
     gl.stencilFunc(gl.EQUAL, 0, 255);
     gl.stencilOp(gl.KEEP, gl.KEEP, gl.INCR);
     gl.uniform1f(solid.shaded, 0);
     gl.uniform4f(solid.color, 0.15, 0.18, 0.25, 0.22);
-    if (pitch > 0) this.all((patch) => gl.uniformMatrix4fv(solid.model, false, product(shadow, this.matrices[patch.link])), true);
+    for (const matrices of pitch > 0 ? placed : []) {
+      this.all(matrices.length, (patch) => gl.uniformMatrix4fv(solid.model, false, product(shadow, matrices[patch.link])), true);
+    }
     gl.disable(gl.STENCIL_TEST);
     gl.enable(gl.DEPTH_TEST);
     gl.uniform1f(solid.shaded, 1);
-    this.all((patch) => {
+    placed.forEach((matrices, number) => this.all(matrices.length, (patch) => {
       // A plane is not seen from behind, where it would hide all.
       if (patch.color[3] === 1) gl.disable(gl.CULL_FACE);
       else gl.enable(gl.CULL_FACE);
-      gl.uniform4fv(solid.color, red.has(patch.link) ? RED : patch.color);
-      gl.uniformMatrix4fv(solid.model, false, this.matrices[patch.link]);
-    });
+      const color = red.has(patch.link) ? RED : patch.color;
+      gl.uniform4fv(solid.color, number ? GREY : color);
+      gl.uniformMatrix4fv(solid.model, false, matrices[patch.link]);
+    }));
     gl.disable(gl.CULL_FACE);
     gl.disable(gl.DEPTH_TEST); // contacts lie inside of links
     gl.bindVertexArray(this.ball.array);
@@ -302,8 +306,9 @@ class Scene {
     }
   }
 
-  all(prepare, isOpaque = false) {
-    for (const patch of this.patches.filter(({ color }) => !isOpaque || color[3] === 1)) {
+  /** Draw the patches of as many links. */
+  all(links, prepare, isOpaque = false) {
+    for (const patch of this.patches.filter(({ link, color }) => link < links && (!isOpaque || color[3] === 1))) {
       prepare(patch);
       this.gl.bindVertexArray(patch.array);
       this.gl.drawArrays(this.gl.TRIANGLES, 0, patch.count);

@@ -4,6 +4,7 @@
 const make = (tag, into, values = {}) => into.appendChild(Object.assign(document.createElement(tag), values));
 
 const VIEWS = { Front: [0, 0.1], Side: [-Math.PI / 2, 0.1], Back: [Math.PI, 0.1] };
+const BESIDE = [0, 1, 0]; // where the robot of before stands, seen from the other one, in m
 const SLOW = 60; // a frame that takes longer, in ms, is drawn coarser
 
 class Viewer {
@@ -43,6 +44,8 @@ class Viewer {
     }
     this.forces = make("button", views, { id: "forces", textContent: "Forces", title: "Contact forces, and what is missing in red" });
     this.forces.onclick = () => { this.forces.classList.toggle("off"); this.ask(); };
+    this.before = make("button", views, { id: "before", textContent: "Before", title: "The robot before the motion was changed, in grey" });
+    this.before.onclick = () => { this.before.classList.toggle("off"); this.frame(); this.ask(); };
     this.playButton.onclick = () => this.play(!this.playing);
     this.what.onchange = () => { this.chart.take(this.motion, this.what.value); this.ask(); };
     canvas.ondblclick = () => { this.frame(); this.ask(); };
@@ -63,6 +66,7 @@ class Viewer {
     this.buttons.forEach((button, n) => { button.onclick = () => this.choose(motion.causes[n]); });
     this.root.classList.toggle("single", motion.isSingle);
     this.forces.hidden = !motion.forces;
+    this.before.hidden = !motion.before;
     this.what.replaceChildren();
     const groups = new Map();
     const option = (group, value, text) => {
@@ -96,11 +100,17 @@ class Viewer {
     this.chart.take(this.motion, key);
   }
 
+  /** Whether the robot of before is drawn, too. */
+  isBefore() {
+    return Boolean(this.motion.before) && !this.before.classList.contains("off");
+  }
+
   /** Let the camera see the whole robot. */
   frame(yaw = 0.6, pitch = 0.3) {
     if (!this.bounds) return;
     const root = this.motion.root(this.motion.begin);
-    const [low, high] = this.bounds;
+    const low = this.bounds[0];
+    const high = this.isBefore() ? this.bounds[1].map((value, n) => value + BESIDE[n]) : this.bounds[1];
     const radius = 0.5 * Math.hypot(...low.map((value, n) => high[n] - value));
     const target = low.map((value, n) => (value + high[n]) / 2 - (n < 2 ? root[n] : 0));
     this.camera = { yaw, pitch, distance: (1.1 * radius) / LENS, target };
@@ -167,7 +177,8 @@ class Viewer {
     const root = motion.root(time);
     const target = this.camera.target.map((value, n) => value + (n < 2 ? root[n] : 0));
     const arrows = this.forces.classList.contains("off") ? [] : motion.arrows(time);
-    this.scene.draw(this.poses, new Set(now.flatMap((found) => found.red)), balls, arrows, { ...this.camera, target }, this.floor, quality);
+    const before = this.isBefore() ? [motion.before.poses(time).map((pose) => pose.map((value, n) => value + (BESIDE[n] || 0)))] : [];
+    this.scene.draw([this.poses, ...before], new Set(now.flatMap((found) => found.red)), balls, arrows, { ...this.camera, target }, this.floor, quality);
     this.label([...balls, ...arrows.map(({ start, text }) => ({ center: start, label: text, failed: true }))]);
   }
 
@@ -261,8 +272,8 @@ class Viewer {
   }
 
   /** The matrix with which a link was last drawn, column-major. */
-  matrix(name) {
-    return this.scene.matrices[this.robot.links.findIndex((link) => link.name === name)];
+  matrix(name, robot = 0) {
+    return this.scene.placed[robot][this.robot.links.findIndex((link) => link.name === name)];
   }
 }
 
