@@ -933,6 +933,7 @@ class Robot:
         max_base: float = inf,
         keep_hands: bool = False,
         thresholds: ThresholdValues = None,
+        physics: bool = False,
     ) -> Mended:
         """Remove what checks find in a motion by small changes.
 
@@ -944,6 +945,8 @@ class Robot:
             max_base: Largest change of the base's place in [m].
             keep_hands: Whether hands keep their paths in the map.
             thresholds: As for ``check``.
+            physics: Whether the motion is simulated before and after, and a change with
+                which the robot falls earlier is not kept.
 
         Returns:
             The mended ``motion``, which is the given one if nothing was changed, and a
@@ -957,7 +960,8 @@ class Robot:
         from g1_description.mend.options import MendOptions
 
         options = MendOptions(_names(only), max_change, max_base, keep_hands)
-        return mended(self.checker(thresholds), self._fitted(motion), options)
+        checker = self.checker(thresholds, physics=physics)
+        return mended(checker, self._fitted(motion), options)
 
     def contact_forces(
         self,

@@ -130,6 +130,13 @@ class Checker:
         given = (self.description, self.thresholds, self.fixed_base)
         return Checker(*given, self.collisions, self.physics, obstacles)
 
+    def without_physics(self) -> Checker:
+        """Return a checker that simulates no motions."""
+        if self.physics is None:
+            return self
+        given = (self.description, self.thresholds, self.fixed_base)
+        return Checker(*given, self.collisions, None, self.obstacles)
+
     def check(
         self,
         motion: MotionLike,

@@ -436,6 +436,9 @@ class Mend(Edit):
     keep_hands: bool = option("keep the paths of hands in the map", False)
     dry_run: bool = option("write no motion, only say what would be changed", False)
     json: bool = option("print a line of JSON for each motion", False)
+    physics: bool = option(
+        "simulate motions before and after; keep no change that falls earlier", False
+    )
     html: bool = option(
         "write also a page with both robots, FILE.html, next to each motion", False
     )
@@ -461,7 +464,7 @@ class Mend(Edit):
         """Fix it."""
         from g1_description.mend.mending import mended  # few need checks
 
-        found = mended(_checker(robot), motion, self._wanted())
+        found = mended(_checker(robot, self.physics), motion, self._wanted())
         certificate, page = found.certificate, ""
         if self.html:
             from g1_description.render.page import motion_page
@@ -479,12 +482,15 @@ _CHECKERS: dict[int, Checker] = {}
 """The checks of the robot of this process, by its id."""
 
 
-def _checker(robot: Description) -> Checker:
+def _checker(robot: Description, physics: bool) -> Checker:
     """Prepare the checks of a robot once in each process."""
     from g1_description.checks.checker import Checker
+    from g1_description.sim.engines import fastest_engine
+    from g1_description.sim.rollout import Conditions
 
     if id(robot) not in _CHECKERS:
-        _CHECKERS[id(robot)] = Checker(robot)
+        conditions = Conditions(engine=fastest_engine()) if physics else None
+        _CHECKERS[id(robot)] = Checker(robot, physics=conditions)
     return _CHECKERS[id(robot)]
 
 

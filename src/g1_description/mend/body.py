@@ -74,7 +74,7 @@ class Change:
 
         Args:
             weights: Shape (count, size).
-            done: The change so far, shape (count, size).
+            done: The change so far that is not wanted, shape (count, size).
         """
         diagonal = np.arange(self.size)
         self._blocks[0][:, diagonal, diagonal] += weights**2

@@ -64,6 +64,10 @@ class Certificate:
     left: tuple[str, ...]
     """Sentences on what was not mended, and why."""
 
+    falls: tuple[float | None, float | None] | None = None
+    """When the simulated robot falls before and after, in [s], or None; None: it was
+    not simulated."""
+
     @property
     def is_worse(self) -> bool:
         """Whether a check has a new failure, or a larger one."""
@@ -89,6 +93,7 @@ class Certificate:
             },
             "moved": [vars(one) for one in self.moved],
             "left": list(self.left),
+            **({"falls": list(self.falls)} if self.falls else {}),
         }
 
     def __str__(self) -> str:
@@ -101,7 +106,15 @@ class Certificate:
             lines = _aligned(table)
             head = ("moved", "rms", "largest", "when")
             lines += ["", *_aligned([head, *map(_moved_cells, self.moved)])]
+        if self.falls:
+            before, after = map(_fall_text, self.falls)
+            lines.append(f"simulated: {before} before, {after} after.")
         return "\n".join([*lines, *(f"left: {text}" for text in self.left)])
+
+
+def _fall_text(time: float | None) -> str:
+    """Say when a robot falls."""
+    return "no fall" if time is None else f"a fall at {time:.2f} s"
 
 
 def _cells(row: Row) -> tuple[str, ...]:

@@ -24,8 +24,9 @@ STALLED, KNOWN = 0.7, 5
 """It also ends if a change is larger than this multiple of the one before, from a round
 on when most of what is wrong is known."""
 
-PIECE, OVERLAP = 1500, 100
-"""Samples that are solved for together, and those of them that the next piece has."""
+PIECE, OVERLAP = 800, 200
+"""Samples that are solved for together, and those of them that the next piece solves
+for, too, but for the first half."""
 
 JOINT, PLACE, TURN = 0.1, 0.3, 0.1
 """Tolerances of changes: of joints in [rad] or [m], of the base in [m] and [rad]."""
@@ -176,13 +177,14 @@ class Correction:
     def _piece(self, first: int, last: int, before: np.ndarray) -> np.ndarray:
         """Solve for some samples; the first ones may be solved already."""
         rows = slice(first, last)
-        done, fixed = before.copy(), OVERLAP if first else 0
-        largest = np.inf
+        done, fixed = before.copy(), OVERLAP // 2 if first else 0
+        kept, largest = before.copy(), np.inf
+        kept[fixed:] = 0.0
         for number in range(ROUNDS):
             at = changed(self._bases[rows], self._positions[rows], done)
             placed = Placed(self._robot, *at)
             change = Change(len(done), len(self._moved))
-            change.keep_small(self._small(last - first, fixed, first), done)
+            change.keep_small(self._small(last - first, fixed, first), done - kept)
             change.keep_smooth(self._smooth(rows), done)
             self._add_feet(change, placed, rows)
             self._add_bounds(change, placed, rows)
@@ -374,7 +376,8 @@ class Correction:
                 far = max(float(np.linalg.norm(inwards)), WITHIN)
                 used.append(row)
                 residuals.append(place - edge - inwards * WITHIN / far)
-                links = np.repeat(*zip(*((link, len(some)) for link, some in standing)))
+                counts = [len(some) for _, some in standing]
+                links = np.repeat([link for link, _ in standing], counts)
                 moved = placed.jacobian(np.full(len(points), row), links, points)
                 along.append((jacobian[row] - moved.mean(axis=0))[:2])
         if used:

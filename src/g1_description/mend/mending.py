@@ -41,6 +41,9 @@ MORE, SMALL, NEARLY = 1.5, 2e-3, 0.5
 """Largest ratio and rms in [rad] of the joints' changes that this is worth, and what
 may stay more, as for ``LESS``."""
 
+EARLY = 0.1
+"""A change is not kept if the simulated robot falls this much earlier, in [s]."""
+
 REASONS = {
     "contact_forces": "only slower or other movements need less",
     "effort": "only slower or other movements need less",
@@ -88,7 +91,7 @@ def mended(
     """
     wanted = options or MendOptions()
     parts = [name for name in FINDINGS if not wanted.only or name in wanted.only]
-    mending = _Mending(checker, motion, parts, wanted)
+    mending = _Mending(checker.without_physics(), motion, parts, wanted)
     first, given = mending.now.verdict, motion
     for _ in range(PASSES):
         found = mending.next()
@@ -96,13 +99,24 @@ def mended(
             break
         mending.now = found
     motion, verdict, left = mending.now
-    moved = (
-        moved_parts(checker.checked_robot, given, motion) if motion is not given else ()
-    )
     is_free = wanted.max_change == wanted.max_base == np.inf
-    reasons = tuple(_reasons(verdict, parts, left, WORSE if is_free else TOO_FAR))
-    certificate = Certificate(rows_of(first, verdict), moved, reasons)
+    reasons = [*_reasons(verdict, parts, left, WORSE if is_free else TOO_FAR)]
+    falls = None
+    if checker.physics is not None:
+        before, after = (_fall(checker, one) for one in (given, motion))
+        falls = before, after
+        if after is not None and after < (np.inf if before is None else before) - EARLY:
+            motion, verdict, falls = given, first, (before, before)
+            reasons = [f"with changes the simulated robot falls at {after:.2f} s"]
+    is_changed = motion is not given
+    moved = moved_parts(checker.checked_robot, given, motion) if is_changed else ()
+    certificate = Certificate(rows_of(first, verdict), moved, tuple(reasons), falls)
     return Mended(motion, certificate, first, verdict)
+
+
+def _fall(checker: Checker, motion: Motion) -> float | None:
+    """Simulate a motion; return when the robot falls, in [s]."""
+    return checker.check(motion, ["fall"]).figures.get("fall_time")
 
 
 class _State(NamedTuple):
