@@ -125,11 +125,15 @@ def title(findings: Sequence[Finding]) -> str:
     return f"{worst.worst_time:.2f} s  {check} {subject}".strip() + more
 
 
+def failed_causes(verdict: Verdict) -> int:
+    """Count the causes with a failure."""
+    return sum(worst_of(found).severity == FAILED for found in verdict.causes)
+
+
 def summary(verdict: Verdict) -> str:
     """Format a verdict in Markdown, with the skipped checks."""
-    severities = [worst_of(findings).severity for findings in verdict.causes]
-    failures = severities.count(FAILED)
-    warnings = len(severities) - failures
+    failures = failed_causes(verdict)
+    warnings = len(verdict.causes) - failures
     counts = [
         f"{count} {word}{'s' if count > 1 else ''}"
         for count, word in ((failures, "failure"), (warnings, "warning"))

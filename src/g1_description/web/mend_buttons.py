@@ -15,7 +15,7 @@ from g1_description.mend.options import FINDINGS
 from g1_description.motion.files.formats import contents
 from g1_description.motion.motion import Motion
 from g1_description.scenes.scene import Scene
-from g1_description.web.findings_panel import plain
+from g1_description.web.findings_panel import failed_causes, plain
 from g1_description.web.panel import PageContext
 from g1_description.web.robot import ShownRobot
 from g1_description.web.ui_loop import Lane
@@ -122,7 +122,8 @@ class MendButtons:
         if found.certificate.moved:
             self._fixed = motion, found.motion
             self._replace(name, found.motion)
-        self._text.content = summary(found.certificate)
+        counts = failed_causes(found.before), failed_causes(found.after)
+        self._text.content = summary(found.certificate, counts)
 
     def undo(self) -> None:
         """Open the motion again as it was opened.
@@ -151,13 +152,14 @@ class MendButtons:
         client.send_file_download(file.name, files[file], save_immediately=True)
 
 
-def summary(certificate: Certificate) -> str:
+def summary(certificate: Certificate, failures: tuple[int, int]) -> str:
     """Format in Markdown what was changed, and what is left.
 
     Args:
         certificate: That of the motion.
+        failures: Numbers of causes with a failure, before and after.
     """
-    before, after = certificate.failures
+    before, after = failures
     if certificate.moved:
         moved = [
             f"{one.name} {one.rms:.3g} {one.unit}"
