@@ -50,8 +50,9 @@ class FindingList:
         self._gui, self._ui, self._jump = gui, ui, jump
         self._read_only = read_only
         self._buttons: list[GuiButtonHandle] = []
-        self._folder = gui.add_folder("Findings", visible=False)
-        with self._folder:
+        self.folder = gui.add_folder("Findings", visible=False)
+        """Where the findings are."""
+        with self.folder:
             # Kept: removing them during their creation is an error in the browser.
             self._summary = gui.add_markdown("")
             self._strips = gui.add_html("")
@@ -60,8 +61,8 @@ class FindingList:
     def begin(self, name: str) -> None:
         """Show that a motion is being checked."""
         self._clear()
-        self._folder.label = f"Findings: {name}"
-        self._folder.visible = True
+        self.folder.label = f"Findings: {name}"
+        self.folder.visible = True
         self._summary.content = "*Checking ...*"
 
     def fail(self) -> None:
@@ -93,7 +94,7 @@ class FindingList:
             lines = [f"- {plain(title(findings))}" for findings in causes]
             self._summary.content += "\n\n" + "\n".join(lines)
         else:
-            with self._folder:
+            with self.folder:
                 self._buttons = [self._add(findings) for findings in causes]
 
     def _add(self, findings: Sequence[Finding]) -> GuiButtonHandle:
@@ -124,11 +125,15 @@ def title(findings: Sequence[Finding]) -> str:
     return f"{worst.worst_time:.2f} s  {check} {subject}".strip() + more
 
 
+def failed_causes(verdict: Verdict) -> int:
+    """Count the causes with a failure."""
+    return sum(worst_of(found).severity == FAILED for found in verdict.causes)
+
+
 def summary(verdict: Verdict) -> str:
     """Format a verdict in Markdown, with the skipped checks."""
-    severities = [worst_of(findings).severity for findings in verdict.causes]
-    failures = severities.count(FAILED)
-    warnings = len(severities) - failures
+    failures = failed_causes(verdict)
+    warnings = len(verdict.causes) - failures
     counts = [
         f"{count} {word}{'s' if count > 1 else ''}"
         for count, word in ((failures, "failure"), (warnings, "warning"))

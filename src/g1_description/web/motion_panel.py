@@ -15,6 +15,7 @@ from g1_description.checks.verdict import Verdict
 from g1_description.errors import InvalidValueError, MotionError
 from g1_description.motion.motion import Motion
 from g1_description.web.findings_panel import FindingList, plain
+from g1_description.web.mend_buttons import MendButtons
 from g1_description.web.panel import Key, Panel
 from g1_description.web.robot import Player, ShownRobot
 from g1_description.web.ui_loop import Lane
@@ -85,12 +86,20 @@ class MotionPanel(Panel):
             robot: FindingList(gui, ui, self.jump, self._read_only)
             for robot in self.world.robots
         }
+        self._mends = (
+            {} if self._read_only else {r: self._mend(r) for r in self._findings}
+        )
         file.on_upload(lambda _: self._uploaded(file.value))
         ui.on(self._robot, lambda: None)
         ui.on(self._line, self._moved)
         ui.on(self._play, self.toggle)
         ui.on(self._steps, lambda: self.step(self._steps.value))
         ui.on(self._speed, self._change_speed)
+
+    def _mend(self, robot: ShownRobot) -> MendButtons:
+        """Add the buttons that fix the motion of a robot to its findings."""
+        with self._findings[robot].folder:
+            return MendButtons(self.page, robot, partial(self._replace, robot))
 
     def hotkeys(self) -> list[Key]:
         """List its keys."""
@@ -156,6 +165,8 @@ class MotionPanel(Panel):
         self._titles[robot] = _title(name, motion)
         self._title.content = "\n\n".join(self._titles.values())
         self._findings[robot].begin(name)
+        if robot in self._mends:
+            self._mends[robot].opened(name, motion)
         self.page.checks.check_motion(
             self,
             robot,
@@ -174,6 +185,15 @@ class MotionPanel(Panel):
             self.verdicts[robot] = verdict
             span = self.player.begin, self.player.end
             self._findings[robot].show(verdict, span)
+            if robot in self._mends:
+                self._mends[robot].checked(verdict)
+
+    def _replace(self, robot: ShownRobot, name: str, motion: Motion) -> None:
+        """Open another motion in place of the open one, at the shown time."""
+        at = self._player.time
+        self.open(name, robot, motion, at)
+        if robot.history is None:  # a robot that runs stays where it is
+            self.jump(at)
 
     # --- playing ---
 
