@@ -13,10 +13,9 @@ from g1_description.robot.rotation import to_axes
 FLAT = 0.01
 """Points of a link up to this height above its lowest one stand, too, in [m]."""
 
-DRAG, SLOW, RESTS = 0.3, 0.1, 0.06
+DRAG, SLOW = 0.3, 0.1
 """A foot that is dragged along the floor reaches the first speed, and is faster than
-the second one; one that rests is slower than that, and than the last one upwards, in
-[m/s]."""
+the second one; one that rests is slower than that, upwards, too, in [m/s]."""
 
 BARELY, LOW = 0.01, 0.05
 """Heights above where the link stands up to which points move along the floor as
@@ -89,7 +88,8 @@ def standings(measured: Measured) -> list[Standing]:
     is_dragged = [_dragged(*pair) for pair in zip(in_contact.T, speeds.T)]
     bears = in_contact & ~np.stack(is_dragged, axis=1)
     carriers = _carriers(bears, ground.heights[at], speeds, motion.times)
-    in_contact |= carriers & (in_contact.sum(axis=1, keepdims=True) < 2)
+    carriers &= in_contact.sum(axis=1, keepdims=True) < 2
+    in_contact |= carriers
     drags = np.stack([_dragged(*pair) for pair in zip(in_contact.T, speeds.T)], axis=1)
     slides = (in_contact.sum(axis=1) > 1) & (drags | ~in_contact).all(axis=1)
     drags[slides] = False  # the whole robot slides, which locks undo
@@ -102,16 +102,16 @@ def standings(measured: Measured) -> list[Standing]:
         heights = placed_points(poses[:, link], points)[..., 2] - radii
         offsets = heights - heights.min(axis=1, keepdims=True)
         lowest, times = heights.min(axis=1), motion.times
-        still = touches & ~drags[:, column]
+        rests = np.ones(len(times), dtype=bool)
+        if len(times) > 1:  # a foot that arrives or leaves is still in the air
+            rests = np.abs(np.gradient(lowest, times)) < SLOW
+        still = touches & ~drags[:, column] & (rests | carriers[:, column])
+        level = np.zeros(len(times))
         if still.any():
             level = np.interp(times, times[still], lowest[still])
-            rests = speeds[:, column] < SLOW
-            if len(times) > 1:
-                rests &= np.abs(np.gradient(lowest, times)) < RESTS
-            still |= rests & (np.abs(lowest - level) < BARELY / 2)
+            slow = rests & (speeds[:, column] < SLOW)
+            still |= slow & (np.abs(lowest - level) < BARELY / 2)
             level = np.interp(times, times[still], lowest[still])
-        else:
-            level = np.zeros(len(times))
         stands = still[:, np.newaxis] & (offsets < FLAT)
         lifts = drags[:, column] | (~still & (speeds[:, column] > SLOW))
         moves = (heights - level[:, np.newaxis] < BARELY) & ~stands
