@@ -24,7 +24,7 @@ ROOT = Path(__file__).parents[2]
     [
         ("drifting", 15.0),
         ("sliding 0.25 m", 15.0),
-        ("2 cm too high", 50.0),
+        ("2 cm too high", 20.0),
         ("noise of 5 mrad", 3.5),
         ("one wrong frame", 100.0),
         ("beyond limits", 5.0),
