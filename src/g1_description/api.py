@@ -939,8 +939,8 @@ class Robot:
 
         Args:
             motion: The motion, or its file.
-            only: Of ``outliers``, ``noise``, ``limits``, ``feet``, ``collisions``,
-                ``speed`` and ``balance``; none: all.
+            only: Of ``outliers``, ``noise``, ``floor``, ``limits``, ``feet``,
+                ``collisions``, ``speed`` and ``balance``; none: all.
             max_change: Largest change of a joint in [rad] or [m].
             max_base: Largest change of the base's place in [m].
             keep_hands: Whether hands keep their paths in the map.

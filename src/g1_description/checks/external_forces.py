@@ -66,10 +66,8 @@ def external_forces(measured: Measured, efforts: np.ndarray) -> dict[str, np.nda
 
 def _ends(kinematics: Kinematics) -> np.ndarray:
     """List a link at the end of each limb, and the root link last."""
-    above = kinematics.joints_above
-    ends = np.flatnonzero(kinematics.end_links() & above.any(axis=1))
-    firsts = np.unique(above[ends], axis=0, return_index=True)[1]
-    return np.append(ends[np.sort(firsts)], (~above.any(axis=1)).argmax())
+    root = (~kinematics.joints_above.any(axis=1)).argmax()
+    return np.append(kinematics.limb_ends(), root)
 
 
 def _unit_wrenches(points: np.ndarray) -> np.ndarray:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import textwrap
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -475,7 +474,7 @@ class Mend(Edit):
             )
         if self.json:
             return Edited(found.motion, json.dumps(certificate.as_dict()), page)
-        return Edited(found.motion, textwrap.indent(str(certificate), "  "), page)
+        return Edited(found.motion, str(certificate), page)
 
 
 _CHECKERS: dict[int, Checker] = {}

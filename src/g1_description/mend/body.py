@@ -10,8 +10,6 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import solveh_banded
 
-from g1_description.checks.measured import CheckedRobot
-from g1_description.robot.dynamics import Masses
 from g1_description.robot.rotation import from_rotation_vector, multiply
 
 N_BASE = 6
@@ -127,61 +125,6 @@ def _add(total: np.ndarray, rows: np.ndarray, values: np.ndarray) -> None:
         total[rows] += values
     else:
         np.add.at(total, rows, values)
-
-
-class Placed:
-    """A robot at all samples of a motion, and derivatives of its points."""
-
-    def __init__(
-        self, robot: CheckedRobot, bases: np.ndarray, positions: np.ndarray
-    ) -> None:
-        """Place it.
-
-        Args:
-            robot: The robot.
-            bases: Poses of the root link, shape (n, 7).
-            positions: Of all joints in [rad] or [m], shape (n, n_joints).
-        """
-        self._above = robot.kinematics.joints_above
-        self.bases, self.positions = bases, positions
-        self.poses, origin, axis = robot.kinematics.place(bases, positions)
-        self._screws = robot.kinematics.joint_screws(origin, axis)
-
-    def jacobian(
-        self, rows: np.ndarray, links: np.ndarray, points: np.ndarray
-    ) -> np.ndarray:
-        """Differentiate points that are fixed to links.
-
-        Args:
-            rows: Samples, shape (m,).
-            links: Rows of the links, shape (m,).
-            points: In the map in [m], shape (m, 3).
-
-        Returns:
-            Shape (m, 3, size).
-        """
-        lever = points - self.bases[rows, :3]
-        screws = self._screws[rows] * self._above[links][..., np.newaxis]
-        found = np.zeros((len(rows), 3, N_BASE + screws.shape[1]))
-        found[:, :, :3] = np.eye(3)
-        found[:, :, 3:6] = -np.cross(np.eye(3), lever[:, np.newaxis])
-        moved = screws[..., :3] + np.cross(screws[..., 3:], points[:, np.newaxis])
-        found[:, :, 6:] = np.swapaxes(moved, 1, 2)
-        return found
-
-    def center_jacobian(self, masses: Masses) -> tuple[np.ndarray, np.ndarray]:
-        """Return the centre of mass, shape (n, 3), and its derivatives (n, 3, size)."""
-        centers, shares = masses.centers(self.poses), masses.shares
-        center = shares @ centers
-        found = np.zeros((len(center), 3, N_BASE + self._screws.shape[1]))
-        found[:, :, :3] = np.eye(3)
-        lever = center - self.bases[:, :3]
-        found[:, :, 3:6] = -np.cross(np.eye(3), lever[:, np.newaxis])
-        below = self._above.T * shares
-        moved = below.sum(axis=1)[:, np.newaxis] * self._screws[..., :3]
-        moved += np.cross(self._screws[..., 3:], below @ centers)
-        found[:, :, 6:] = np.swapaxes(moved, 1, 2)
-        return center, found
 
 
 def changed(

@@ -1,4 +1,4 @@
-"""What mending changed: findings before and after, and how far everything moved."""
+"""Certificates: findings before and after, and how far everything moved."""
 
 from __future__ import annotations
 
@@ -8,12 +8,14 @@ from typing import Any
 import numpy as np
 
 from g1_description.checks.measured import CheckedRobot, Measured
+from g1_description.checks.report import table
+from g1_description.checks.rules import RULES
 from g1_description.checks.verdict import FAILED, Verdict
 from g1_description.motion.motion import Motion
 from g1_description.robot.rotation import angle_between
 
-LARGER = 1.1
-"""A failure is larger from this multiple of its worst size on."""
+LOW_IS_WORSE = frozenset(rule.name for rule in RULES if rule.lower_is_worse)
+"""Checks whose findings are the worse, the smaller they are."""
 
 
 @dataclass(frozen=True)
@@ -31,11 +33,9 @@ class Row:
     unit: str
 
     @property
-    def is_worse(self) -> bool:
-        """Whether there is a new failure, or a larger one."""
-        if self.failures[1] > self.failures[0]:
-            return True
-        return self.failures[1] > 0 and self.worst[1] > LARGER * self.worst[0]
+    def has_more_failures(self) -> bool:
+        """Whether there are more failures after than before."""
+        return self.failures[1] > self.failures[0]
 
 
 @dataclass(frozen=True)
@@ -69,11 +69,6 @@ class Certificate:
     not simulated."""
 
     @property
-    def is_worse(self) -> bool:
-        """Whether a check has a new failure, or a larger one."""
-        return any(row.is_worse for row in self.rows)
-
-    @property
     def failures(self) -> tuple[int, int]:
         """Numbers of failures before and after."""
         counts = [row.failures for row in self.rows]
@@ -99,17 +94,17 @@ class Certificate:
     def __str__(self) -> str:
         """Write both tables, and what was left."""
         if not self.moved:
-            lines = ["nothing is changed."]
+            lines = ["  nothing is changed."]
         else:
             head = ("check", "failures", "warnings", "worst")
-            table = [head, *map(_cells, self.rows)]
-            lines = _aligned(table)
+            lines = table([head, *map(_cells, self.rows)], len(head))
             head = ("moved", "rms", "largest", "when")
-            lines += ["", *_aligned([head, *map(_moved_cells, self.moved)])]
+            cells = [head, *map(_moved_cells, self.moved)]
+            lines += ["", *table(cells, len(head))]
         if self.falls:
             before, after = map(_fall_text, self.falls)
-            lines.append(f"simulated: {before} before, {after} after.")
-        return "\n".join([*lines, *(f"left: {text}" for text in self.left)])
+            lines.append(f"  simulated: {before} before, {after} after.")
+        return "\n".join([*lines, *(f"  left: {text}" for text in self.left)])
 
 
 def _fall_text(time: float | None) -> str:
@@ -138,15 +133,6 @@ def _moved_cells(one: Moved) -> tuple[str, ...]:
     )
 
 
-def _aligned(table: list[tuple[str, ...]]) -> list[str]:
-    """Write rows with aligned columns."""
-    widths = [max(map(len, column)) for column in zip(*table)]
-    return [
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip()
-        for row in table
-    ]
-
-
 def rows_of(before: Verdict, after: Verdict) -> tuple[Row, ...]:
     """Compare the findings of two verdicts by check."""
     found = {
@@ -156,7 +142,8 @@ def rows_of(before: Verdict, after: Verdict) -> tuple[Row, ...]:
     for check, unit in found.items():
         pair = [[f for f in v.findings if f.check == check] for v in (before, after)]
         failed = [sum(f.severity == FAILED for f in some) for some in pair]
-        worst = [max((f.worst for f in some), default=np.nan) for some in pair]
+        most = min if check in LOW_IS_WORSE else max
+        worst = [most((f.worst for f in some), default=np.nan) for some in pair]
         rows.append(
             Row(
                 check,
@@ -173,7 +160,7 @@ def moved_parts(
     robot: CheckedRobot, before: Motion, after: Motion
 ) -> tuple[Moved, ...]:
     """Measure how far joints, base, and ends of limbs moved; none: empty."""
-    times, rotations = before.times, None
+    times = before.times
     joints = np.abs(after.positions - before.positions)
     sliding = [j.name for j in robot.joints if j.kind == "prismatic"]
     slides = np.isin(before.joint_names, sliding)
@@ -195,9 +182,7 @@ def moved_parts(
         measured = Measured(robot, motion)
         base, positions = measured.at(motion.times)[:2]
         poses.append(robot.kinematics.link_poses(base, positions))
-    above = robot.kinematics.joints_above
-    ends = np.flatnonzero(robot.kinematics.end_links() & above.any(axis=1))
-    for row in ends[np.sort(np.unique(above[ends], axis=0, return_index=True)[1])]:
+    for row in robot.kinematics.limb_ends():
         away = np.linalg.norm((poses[1] - poses[0])[:, row, :3], axis=1)
         found.append(_moved(robot.links[row], away[:, np.newaxis], times, "m"))
     return tuple(found) if any(one.largest > 0.0 for one in found) else ()

@@ -1,4 +1,4 @@
-"""How feet and hands stand, and how they should."""
+"""Stances of feet and hands: when they stand, and at which points."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ MOST_POINTS = 12
 
 
 @dataclass(frozen=True, eq=False)
-class Standing:
+class Stance:
     """A link that is in contact at times; n samples, k points of the link."""
 
     link: int
@@ -52,8 +52,8 @@ class Standing:
     """Whether a point is near the floor and moves along it as before, shape (n, k)."""
 
     level: np.ndarray
-    """Height of the lowest point where the link stood last, and will stand next, in
-    [m], shape (n,)."""
+    """Height of the lowest point above the floor where the link stood last, and will
+    stand next, in [m], shape (n,)."""
 
     offsets: np.ndarray
     """Heights of points above the lowest one of the link, which stay, in [m], shape
@@ -74,20 +74,21 @@ def placed_points(poses: np.ndarray, points: np.ndarray) -> np.ndarray:
     return np.asarray(turned + poses[:, np.newaxis, :3])
 
 
-def standings(measured: Measured) -> list[Standing]:
+def stances(measured: Measured) -> list[Stance]:
     """Find the links in contact, at the samples of a motion."""
     robot, ground, motion = measured.robot, measured.ground, measured.motion
     assert ground is not None
+    floor = robot.thresholds.floor_height
     at = np.searchsorted(measured.times, motion.times)
     base, positions = measured.at(motion.times)[:2]
     poses = robot.kinematics.link_poses(base, positions)
     in_contact = (ground.in_contact | robot.ground.lonely(ground, measured.times))[at]
     steps = np.linalg.norm(ground.steps[at], axis=-1)
-    gaps = np.diff(motion.times, append=np.inf)  # nothing moves after the last one
+    gaps = np.diff(measured.times, append=np.inf)[at]  # nothing moves after the last
     speeds = np.nan_to_num(steps) / gaps[:, np.newaxis]
     is_dragged = [_dragged(*pair) for pair in zip(in_contact.T, speeds.T)]
-    bears = in_contact & ~np.stack(is_dragged, axis=1)
-    carriers = _carriers(bears, ground.heights[at], speeds, motion.times)
+    supports = in_contact & ~np.stack(is_dragged, axis=1)
+    carriers = _carriers(supports, ground.heights[at], speeds, motion.times)
     carriers &= in_contact.sum(axis=1, keepdims=True) < 2
     in_contact |= carriers
     drags = np.stack([_dragged(*pair) for pair in zip(in_contact.T, speeds.T)], axis=1)
@@ -96,10 +97,9 @@ def standings(measured: Measured) -> list[Standing]:
     found = []
     for column in np.flatnonzero(in_contact.any(axis=0)):
         link = int(robot.ground.rows[ground.columns[column]])
-        touches, others = in_contact[:, column], in_contact & ~drags
-        others[:, column] = False
+        touches = in_contact[:, column]
         points, radii = _points(robot, link, poses[touches, link])
-        heights = placed_points(poses[:, link], points)[..., 2] - radii
+        heights = placed_points(poses[:, link], points)[..., 2] - radii - floor
         offsets = heights - heights.min(axis=1, keepdims=True)
         lowest, times = heights.min(axis=1), motion.times
         rests = np.ones(len(times), dtype=bool)
@@ -116,27 +116,27 @@ def standings(measured: Measured) -> list[Standing]:
         lifts = drags[:, column] | (~still & (speeds[:, column] > SLOW))
         moves = (heights - level[:, np.newaxis] < BARELY) & ~stands
         given = link, points, radii, stands, lifts, moves, level, offsets
-        found.append(Standing(*given))
+        found.append(Stance(*given))
     return found
 
 
 def _carriers(
-    bears: np.ndarray, heights: np.ndarray, speeds: np.ndarray, times: np.ndarray
+    supports: np.ndarray, heights: np.ndarray, speeds: np.ndarray, times: np.ndarray
 ) -> np.ndarray:
     """Find the links near the floor that stand while no other one does.
 
     They stand by themselves at other times.
 
     Args:
-        bears: Whether a link is in contact, and not dragged, shape (n, n_links).
+        supports: Whether a link is in contact, and not dragged, shape (n, n_links).
         heights: Heights of the links' lowest points in [m], shape (n, n_links).
         speeds: In [m/s], shape (n, n_links).
         times: In [s], shape (n,).
     """
-    near = (heights < NEAR) & bears.any(axis=0)
-    alone = ~bears.any(axis=1, keepdims=True)
+    near = (heights < NEAR) & supports.any(axis=0)
+    alone = ~supports.any(axis=1, keepdims=True)
     found = alone & near & (speeds < SLOW)
-    for first, last in runs(~(bears | found).any(axis=1)):
+    for first, last in runs(~(supports | found).any(axis=1)):
         rows = slice(first, last + 1)
         if times[last] - times[first] < MOMENT and near[rows].any(axis=1).all():
             slowest = np.where(near[rows], speeds[rows], np.inf).argmin(axis=1)

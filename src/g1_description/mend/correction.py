@@ -9,9 +9,10 @@ import numpy as np
 
 from g1_description.checks.measured import CheckedRobot, Measured
 from g1_description.checks.support import nearest_point, support_margin, support_polygon
-from g1_description.mend.body import N_BASE, Change, Placed, changed
-from g1_description.mend.contacts import LOW, placed_points, standings
+from g1_description.mend.body import N_BASE, Change, changed
+from g1_description.mend.contacts import LOW, placed_points, stances
 from g1_description.motion.motion import Motion
+from g1_description.robot.jacobians import Jacobians
 from g1_description.robot.transform import compose, inverse
 
 ROUNDS = 12
@@ -38,23 +39,22 @@ SMOOTH = (1.0, 2.0, 6.0)
 """Tolerances of accelerations of the change: of the base in [m/s^2] and [rad/s^2], and
 of joints in [rad/s^2] or [m/s^2]."""
 
+SHORTEST = 1e-3
+"""Least distance of samples for accelerations of the change, in [s]."""
+
 START = 1e-3
 """Tolerance of the place of feet at the first sample, or else of that and the heading
 of the base, in [m] and [rad]."""
 
-LOCK, MOVE, HEIGHT, DEPTH, BOUND, RATE, CENTER, HAND = (
-    1e-4,
-    1e-3,
-    2e-4,
-    3e-4,
-    1e-4,
-    1e-4,
-    1e-3,
-    3e-3,
-)
-"""Tolerances: of a foot from a sample to the next where it stands, and where it moves,
-of heights, distances of links, limits, steps
-of joints, the centre of mass, and paths of hands, in [m] or [rad]."""
+LOCK, MOVE = 1e-4, 1e-3
+"""Tolerances of a foot's steps between samples: where it stands, and where it moves
+near the floor, in [m]."""
+
+HEIGHT, DEPTH, CENTER, HAND = 2e-4, 3e-4, 1e-3, 3e-3
+"""Tolerances of heights, distances of links, the centre of mass and hands, in [m]."""
+
+BOUND, RATE = 1e-4, 1e-4
+"""Tolerances of limits of joints, and of their steps, in [rad] or [m]."""
 
 ALONE = 5e-3
 """Tolerance of heights where nothing is corrected, in [m]."""
@@ -106,21 +106,18 @@ class Correction:
             [joint.name for joint in self._robot.joints], motion.joint_names
         )
         on_floor = self._has_base and measured.ground is not None
-        self._standings = standings(measured) if on_floor else []
+        self._stances = stances(measured) if on_floor else []
         self._hands = self._ends() if keeps_hands else []
         self._tips = self._unbalanced()
         self._total: np.ndarray | None = None
-        self.left_alone = np.zeros(len(self._times), dtype=bool)
+        self.excluded = np.zeros(len(self._times), dtype=bool)
         """Samples at which nothing is corrected."""
 
     def _ends(self) -> list[int]:
         """List the rows of the ends of limbs that never stand."""
-        kinematics = self._robot.kinematics
-        above = kinematics.joints_above
-        ends = np.flatnonzero(kinematics.end_links() & above.any(axis=1))
-        firsts = np.unique(above[ends], axis=0, return_index=True)[1]
-        used = {standing.link for standing in self._standings}
-        return [int(row) for row in ends[np.sort(firsts)] if row not in used]
+        used = {stance.link for stance in self._stances}
+        rows = self._robot.kinematics.limb_ends().tolist()
+        return [row for row in rows if row not in used]
 
     def _unbalanced(self) -> np.ndarray:
         """Mark the samples at which the robot is still and out of balance."""
@@ -152,12 +149,13 @@ class Correction:
     def _limits(self, rows: slice) -> tuple[np.ndarray, np.ndarray]:
         """Return the limits of joints, shapes (n, n_joints).
 
-        What is left alone may stay as far beyond them as it was.
+        What is not corrected may stay as far beyond them as it was.
         """
         joints, was = self._robot.joints, self._positions[rows]
         lower = np.array([joint.lower for joint in joints])
         upper = np.array([joint.upper for joint in joints])
-        alone = self.left_alone[rows, np.newaxis] | ~self._moved
+        alone = self.excluded[rows, np.newaxis] | ~self._moved
+        alone |= "limits" not in self._parts
         return (
             np.where(alone, np.minimum(lower, was), lower),
             np.where(alone, np.maximum(upper, was), upper),
@@ -182,12 +180,12 @@ class Correction:
         kept[fixed:] = 0.0
         for number in range(ROUNDS):
             at = changed(self._bases[rows], self._positions[rows], done)
-            placed = Placed(self._robot, *at)
+            placed = Jacobians(self._robot.kinematics, *at)
             change = Change(len(done), len(self._moved))
             change.keep_small(self._small(last - first, fixed, first), done - kept)
             change.keep_smooth(self._smooth(rows), done)
             self._add_feet(change, placed, rows)
-            self._add_bounds(change, placed, rows)
+            self._add_bounds(change, at[1], rows)
             self._add_contacts(change, placed, rows)
             self._add_centers(change, placed, rows)
             self._add_hands(change, placed, rows)
@@ -205,36 +203,33 @@ class Correction:
         )
         weights = np.tile(1.0 / own, (count, 1))
         weights[:, N_BASE:][:, ~self._moved] = 1e6
+        if first == 0 and not any(one.stands[0].any() for one in self._stances):
+            weights[0, [0, 1, 5]] = 1.0 / START
         if not self._has_base:
             weights[:, :N_BASE] = 1e6
-        if first == 0 and not any(one.stands[0].any() for one in self._standings):
-            weights[0, [0, 1, 5]] = 1.0 / START
         weights[:fixed] = 1e6
         return weights
 
     def _smooth(self, rows: slice) -> np.ndarray:
         """Weigh the curvature of changes, shape (size,)."""
-        step = (
-            float(np.median(np.diff(self._times[rows])))
-            if self._times[1:].size
-            else 1.0
-        )
+        gaps = np.diff(self._times[rows])
+        step = max(float(np.median(gaps)), SHORTEST) if gaps.size else 1.0
         own = np.repeat(SMOOTH, [3, 3, len(self._moved)])
         return np.asarray(1.0 / (own * step**2))
 
     def _active(self, rows: slice, mask: np.ndarray) -> np.ndarray:
         """Return the samples of a piece at which something is corrected."""
-        return np.flatnonzero(mask[rows] & ~self.left_alone[rows])
+        return np.flatnonzero(mask[rows] & ~self.excluded[rows])
 
-    def _add_feet(self, change: Change, placed: Placed, rows: slice) -> None:
+    def _add_feet(self, change: Change, placed: Jacobians, rows: slice) -> None:
         """Keep feet where they stand, at the height of the floor."""
         floor = self._robot.thresholds.floor_height
-        for one in self._standings:
-            points = placed_points(placed.poses[:, one.link], one.points)
+        for one in self._stances:
+            points = placed_points(placed.link_poses[:, one.link], one.points)
             heights = points[..., 2] - one.radii - floor
             before = placed_points(self._poses[rows, one.link], one.points)
             was = before[..., 2] - one.radii - floor
-            alone = self.left_alone[rows] | ("feet" not in self._parts)
+            alone = self.excluded[rows] | ("feet" not in self._parts)
             alone = alone[:, np.newaxis] & (was < LOW)
             stands = one.stands[rows] & ~alone
             # A foot that arrives or leaves is still for a sample more.
@@ -255,7 +250,7 @@ class Correction:
                 away = (heights - wanted)[at, number] / near
                 if len(at):
                     links = np.full(len(at), one.link)
-                    up = placed.jacobian(at, links, point[at])[:, 2:]
+                    up = placed.of_each(at, links, point[at])[:, 2:]
                     change.add(
                         at, up / near[:, np.newaxis, np.newaxis], away[:, np.newaxis]
                     )
@@ -263,7 +258,7 @@ class Correction:
                 self._add_steps(change, placed, one.link, at, point, LOCK)
                 if rows.start == 0 and stands[0, number]:
                     first = np.zeros(1, dtype=int)
-                    flat = placed.jacobian(first, first + one.link, point[:1])[:, :2]
+                    flat = placed.of_each(first, first + one.link, point[:1])[:, :2]
                     away = (point[:1] - before[:1, number])[:, :2]
                     change.add(first, flat / START, away / START)
                 at = np.flatnonzero(moves[:, number])
@@ -273,7 +268,7 @@ class Correction:
     def _add_steps(
         self,
         change: Change,
-        placed: Placed,
+        placed: Jacobians,
         link: int,
         at: np.ndarray,
         points: np.ndarray,
@@ -284,7 +279,7 @@ class Correction:
         if len(at) < 2:
             return
         first = np.flatnonzero(np.diff(at) == 1)
-        jacobian = placed.jacobian(at, np.full(len(at), link), points[at])
+        jacobian = placed.of_each(at, np.full(len(at), link), points[at])
         flat = jacobian[:, :2] / tolerance
         steps = (points[at[first] + 1] - points[at[first]])[:, :2]
         if before is not None:
@@ -292,11 +287,11 @@ class Correction:
         given = -flat[first], flat[first + 1], steps / tolerance
         change.add_steps(at[first], *given)
 
-    def _add_bounds(self, change: Change, placed: Placed, rows: slice) -> None:
+    def _add_bounds(self, change: Change, now: np.ndarray, rows: slice) -> None:
         """Bring joints into their limits, and below their largest speeds."""
         joints, (lower, upper) = self._robot.joints, self._limits(rows)
-        now, unit = placed.positions, np.eye(change.size)[N_BASE:]
-        free = ~self.left_alone[rows][:, np.newaxis]
+        unit = np.eye(change.size)[N_BASE:]
+        free = ~self.excluded[rows][:, np.newaxis]
         bounded = np.clip(now, lower, upper)
         at, column = np.nonzero(self._ever("bound", rows, now != bounded))
         nearest = np.where(now - lower < upper - now, lower, upper)
@@ -321,14 +316,14 @@ class Correction:
         known[rows] |= mask
         return np.asarray(known[rows])
 
-    def _add_contacts(self, change: Change, placed: Placed, rows: slice) -> None:
+    def _add_contacts(self, change: Change, placed: Jacobians, rows: slice) -> None:
         """Push links apart that overlap."""
         if "collisions" not in self._parts:
             return
         collisions = self._robot.collisions
-        found = collisions.contacts(placed.poses, MARGIN)
-        is_free = ~self.left_alone[rows][found.sample]
-        deep = np.zeros((len(placed.poses), len(collisions.pairs)), dtype=bool)
+        found = collisions.contacts(placed.link_poses, MARGIN)
+        is_free = ~self.excluded[rows][found.sample]
+        deep = np.zeros((len(placed.link_poses), len(collisions.pairs)), dtype=bool)
         deep[found.sample, found.pair] = (found.distance < 0.0) & is_free
         deep = self._ever("contacts", rows, deep)
         found = found[deep[found.sample, found.pair] & is_free]
@@ -337,7 +332,7 @@ class Correction:
         row = {name: number for number, name in enumerate(self._robot.links)}
         pairs = np.array([[row[a], row[b]] for a, b in collisions.pairs])[found.pair]
         along = [
-            placed.jacobian(found.sample, pairs[:, side], points)
+            placed.of_each(found.sample, pairs[:, side], points)
             for side, points in enumerate((found.points_a, found.points_b))
         ]
         apart = np.einsum("mk,mkj->mj", found.normal, along[1] - along[0])
@@ -347,19 +342,21 @@ class Correction:
             (found.distance - APART)[:, np.newaxis] / DEPTH,
         )
 
-    def _add_centers(self, change: Change, placed: Placed, rows: slice) -> None:
+    def _add_centers(self, change: Change, placed: Jacobians, rows: slice) -> None:
         """Move the centre of mass over the feet where the robot stands still."""
         at = self._active(rows, self._tips)
         if "balance" not in self._parts or not len(at):
             return
-        center, jacobian = placed.center_jacobian(self._robot.masses)
+        masses = self._robot.masses
+        center = masses.shares @ masses.centers(placed.link_poses)
+        jacobian = placed.of_center_of_mass(masses)
         feet = [
             (
                 one.link,
-                placed_points(placed.poses[:, one.link], one.points),
+                placed_points(placed.link_poses[:, one.link], one.points),
                 one.stands[rows],
             )
-            for one in self._standings
+            for one in self._stances
         ]
         used, residuals, along = [], [], []
         was_out = self._ever("out", rows, np.zeros(len(center), dtype=bool)).copy()
@@ -378,7 +375,7 @@ class Correction:
                 residuals.append(place - edge - inwards * WITHIN / far)
                 counts = [len(some) for _, some in standing]
                 links = np.repeat([link for link, _ in standing], counts)
-                moved = placed.jacobian(np.full(len(points), row), links, points)
+                moved = placed.of_each(np.full(len(points), row), links, points)
                 along.append((jacobian[row] - moved.mean(axis=0))[:2])
         if used:
             was_out[used] = True
@@ -386,14 +383,14 @@ class Correction:
             residual, apart = np.array(residuals) / CENTER, np.array(along) / CENTER
             change.add(np.array(used), apart, residual)
 
-    def _add_hands(self, change: Change, placed: Placed, rows: slice) -> None:
+    def _add_hands(self, change: Change, placed: Jacobians, rows: slice) -> None:
         """Keep hands on their paths."""
         if not self._hands:
             return
-        at = np.arange(len(placed.poses))
+        at = np.arange(len(placed.link_poses))
         before = self._poses[rows]
         for link in self._hands:
-            points = placed.poses[:, link, :3]
-            jacobian = placed.jacobian(at, np.full(len(at), link), points)
+            points = placed.link_poses[:, link, :3]
+            jacobian = placed.of_each(at, np.full(len(at), link), points)
             residual = points - before[:, link, :3]
             change.add(at, jacobian / HAND, residual / HAND)

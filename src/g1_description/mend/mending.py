@@ -10,8 +10,13 @@ import numpy as np
 
 from g1_description.checks.checker import Checker
 from g1_description.checks.intervals import runs
-from g1_description.checks.verdict import FAILED, Verdict
-from g1_description.mend.certificate import LARGER, Certificate, moved_parts, rows_of
+from g1_description.checks.verdict import FAILED, Finding, Verdict
+from g1_description.mend.certificate import (
+    LOW_IS_WORSE,
+    Certificate,
+    moved_parts,
+    rows_of,
+)
 from g1_description.mend.correction import Correction
 from g1_description.mend.options import FINDINGS, MendOptions
 from g1_description.mend.samples import on_floor, without_noise, without_outliers
@@ -21,12 +26,12 @@ from g1_description.text import listed
 SAMPLES = {"outliers": without_outliers, "noise": without_noise, "floor": on_floor}
 """Parts that change samples by themselves."""
 
-PASSES = 6
-"""Most changes that follow each other."""
+LESS, LEAST = 0.05, 1e-6
+"""A part is kept if it removes this much, and noise if it removes the second one: a
+failure counts 1 and its fraction of time, a warning a fifth of that."""
 
-LESS = 0.05
-"""A part is kept if it removes this much: a failure counts 1 and its fraction of time,
-a warning a fifth of that."""
+LARGER = 1.1
+"""A failure is larger from this multiple of its worst size on."""
 
 SPREAD = 0.4
 """Nothing is corrected as near to a place that would change too far, in [s]."""
@@ -44,18 +49,10 @@ may stay more, as for ``LESS``."""
 EARLY = 0.1
 """A change is not kept if the simulated robot falls this much earlier, in [s]."""
 
-REASONS = {
-    "contact_forces": "only slower or other movements need less",
-    "effort": "only slower or other movements need less",
-    "center_of_mass": "the robot is too far out of balance, or does not stay",
-    "skating": "nothing else carries the robot meanwhile",
-    "self_collision": "small changes do not push the links apart",
-}
-"""Why findings of checks stay."""
-
-WORSE = "a change would make other findings worse"
-TOO_FAR = "a change would be larger than allowed, or make other findings worse"
-"""Why places are left alone, without bounds of changes and with them."""
+SLOWER = "only slower or other movements need less"
+STAYS = "no small change was found that removes this and makes nothing else worse"
+BEYOND = "no change within the bounds was found that removes this"
+"""Why efforts stay, and other failures without bounds of changes and with them."""
 
 Span = Tuple[float, float]
 """First and last time in [s]."""
@@ -79,7 +76,7 @@ def mended(
     """Remove the findings of a motion by small changes.
 
     Parts are tried where checks found something, and kept if no check has a new failure
-    or a larger one. So the result cannot be mended further.
+    or one that is larger by a tenth. This ends when none is kept.
 
     Args:
         checker: The checks.
@@ -89,34 +86,44 @@ def mended(
     Raises:
         G1DescriptionError: If the motion cannot be checked.
     """
-    wanted = options or MendOptions()
-    parts = [name for name in FINDINGS if not wanted.only or name in wanted.only]
-    mending = _Mending(checker.without_physics(), motion, parts, wanted)
-    first, given = mending.now.verdict, motion
-    for _ in range(PASSES):
-        found = mending.next()
-        if found is None:
-            break
+    options = options or MendOptions()
+    parts = [name for name in FINDINGS if not options.only or name in options.only]
+    mending = _Mending(checker.without_physics(), motion, parts, options)
+    before, after = mending.now.verdict, motion
+    found: _State | None = mending.now
+    while found is not None:
         mending.now = found
-    motion, verdict, left = mending.now
-    is_free = wanted.max_change == wanted.max_base == np.inf
-    reasons = [*_reasons(verdict, parts, left, WORSE if is_free else TOO_FAR)]
-    falls = None
-    if checker.physics is not None:
-        before, after = (_fall(checker, one) for one in (given, motion))
-        falls = before, after
-        if after is not None and after < (np.inf if before is None else before) - EARLY:
-            motion, verdict, falls = given, first, (before, before)
-            reasons = [f"with changes the simulated robot falls at {after:.2f} s"]
-    is_changed = motion is not given
-    moved = moved_parts(checker.checked_robot, given, motion) if is_changed else ()
-    certificate = Certificate(rows_of(first, verdict), moved, tuple(reasons), falls)
-    return Mended(motion, certificate, first, verdict)
+        found = mending.next()
+    after, verdict, left = mending.now
+    is_free = options.max_change == options.max_base == np.inf
+    reasons = [*_reasons(verdict, parts, left, is_free)]
+    falls = _falls(checker, motion, after)
+    if falls and _or_never(falls[1]) < _or_never(falls[0]) - EARLY:
+        reasons = [f"with changes the simulated robot falls at {falls[1]:.2f} s"]
+        after, verdict, falls = motion, before, (falls[0], falls[0])
+    is_changed = after is not motion
+    moved = moved_parts(checker.checked_robot, motion, after) if is_changed else ()
+    certificate = Certificate(rows_of(before, verdict), moved, tuple(reasons), falls)
+    return Mended(after, certificate, before, verdict)
 
 
-def _fall(checker: Checker, motion: Motion) -> float | None:
-    """Simulate a motion; return when the robot falls, in [s]."""
-    return checker.check(motion, ["fall"]).figures.get("fall_time")
+def _falls(
+    checker: Checker, before: Motion, after: Motion
+) -> tuple[float | None, float | None] | None:
+    """Simulate two motions; say when the robot falls, in [s]."""
+    if checker.physics is None:
+        return None
+    found = []
+    for motion in (before, after) if after is not before else (before,):
+        verdict = checker.check(motion, ["fall"])
+        if "fall" in verdict.skipped:
+            return None
+        found.append(verdict.figures.get("fall_time"))
+    return found[0], found[-1]
+
+
+def _or_never(time: float | None) -> float:
+    return np.inf if time is None else time
 
 
 class _State(NamedTuple):
@@ -146,26 +153,40 @@ class _Mending:
     def next(self) -> _State | None:
         """Return a better motion; None if there is none.
 
-        Samples are tried first; then all of the body, then each of its parts; at last
-        samples together with what they uncover.
+        Samples are tried first, with what they uncover in the body; then all of the
+        body, and each of its parts; then samples that are only better with the body.
         """
-        start = None
+        filtered, better = self.now, None
         for name in self._due(self.now):
             if name in SAMPLES:
-                found = self._filtered(start or self.now, name)
-                if found and self._is_better(found, name):
-                    return found
-                start = found or start
+                found = self._filtered(filtered, name)
+                if found and better is None and self._is_better(found, name):
+                    better = found
+                filtered = found or filtered
+        if better:
+            return self._moved(filtered, self._body(filtered)) or better
         body = self._body(self.now)
         for some in dict.fromkeys((body, *((name,) for name in body))):
-            found = self._corrected(self.now, some)
-            if found and self._is_better(found):
-                return self._near_path(found, some)
-        if start:
-            found = self._corrected(start, self._body(start))
-            if found and self._is_better(found):
+            found = self._moved(self.now, some)
+            if found:
                 return found
-        return None
+        if filtered is self.now:
+            return None
+        return self._moved(filtered, self._body(filtered))
+
+    def _moved(self, state: _State, parts: tuple[str, ...]) -> _State | None:
+        """Correct the body, near its path if that is worth it; None: not better."""
+        found = self._corrected(state, parts)
+        if not found or not self._is_better(found):
+            return None
+        joints, base = _sizes(state.motion, found.motion)
+        if base < AWAY:
+            return found
+        near = self._corrected(state, parts, keeps_base=True)
+        if near is None or _score(near.verdict) > _score(found.verdict) + NEARLY:
+            return found
+        is_near = _sizes(state.motion, near.motion)[0] < MORE * joints + SMALL
+        return near if is_near and self._is_better(near) else found
 
     def _due(self, state: _State) -> list[str]:
         """List the parts that remove something of what was found."""
@@ -179,10 +200,12 @@ class _Mending:
     def _is_better(self, found: _State, part: str = "") -> bool:
         """Return whether a change is kept."""
         for before in (self._first, self.now.verdict):
-            if any(row.is_worse for row in rows_of(before, found.verdict)):
+            if _worse(before, found.verdict) or any(
+                row.has_more_failures for row in rows_of(before, found.verdict)
+            ):
                 return False
         gain = _score(self.now.verdict) - _score(found.verdict)
-        return gain > (0.0 if part == "noise" else LESS)
+        return gain > (LEAST if part == "noise" else LESS)
 
     def _filtered(self, state: _State, part: str) -> _State | None:
         """Change samples within the bounds; None: no change."""
@@ -207,27 +230,16 @@ class _Mending:
             wrong = _too_far(self._given, found, self._options)
             if not wrong.any():
                 judged = self._checker.check(found)
-                wrong = _worse(self.now.motion, self.now.verdict, judged)
+                wrong = _near(found.times, _worse(self.now.verdict, judged))
                 if not wrong.any():
                     break
-            correction.left_alone |= wrong
+            correction.excluded |= wrong
         else:
             return None
-        times, alone = found.times, runs(correction.left_alone)
+        times, alone = found.times, runs(correction.excluded)
         return _State(
             found, judged, [(float(times[a]), float(times[b])) for a, b in alone]
         )
-
-    def _near_path(self, found: _State, parts: tuple[str, ...]) -> _State:
-        """Keep the base near its path, if the joints hardly change more for that."""
-        joints, base = _sizes(self.now.motion, found.motion)
-        if base < AWAY:
-            return found
-        near = self._corrected(self.now, parts, keeps_base=True)
-        if near is None or _score(near.verdict) > _score(found.verdict) + NEARLY:
-            return found
-        is_near = _sizes(self.now.motion, near.motion)[0] < MORE * joints + SMALL
-        return near if is_near and self._is_better(near) else found
 
 
 def _sizes(before: Motion, after: Motion) -> tuple[float, float]:
@@ -259,7 +271,8 @@ def _too_far(motion: Motion, found: Motion, options: MendOptions) -> np.ndarray:
 
 def _far(motion: Motion, found: Motion, options: MendOptions) -> np.ndarray:
     """Mark the samples that change more than allowed, shape (n,)."""
-    far = np.abs(found.positions - motion.positions).max(axis=1) > options.max_change
+    away = np.abs(found.positions - motion.positions).max(axis=1, initial=0.0)
+    far = away > options.max_change
     if motion.base_poses is not None and found.base_poses is not None:
         away = np.linalg.norm((found.base_poses - motion.base_poses)[:, :3], axis=1)
         far |= away > options.max_base
@@ -274,21 +287,27 @@ def _near(times: np.ndarray, spans: Sequence[Span]) -> np.ndarray:
     return found
 
 
-def _worse(motion: Motion, before: Verdict, after: Verdict) -> np.ndarray:
-    """Mark the samples near failures that are new or larger, shape (n,)."""
+def _worse(before: Verdict, after: Verdict) -> list[Span]:
+    """List the intervals of failures that are new or larger."""
     worst: dict[tuple[str, tuple[str, ...]], float] = {}
     for finding in before.findings:
         if finding.severity == FAILED:
             key = finding.check, finding.subject
-            worst[key] = max(finding.worst, worst.get(key, 0.0))
-    spans = [
+            worst[key] = max(_size(finding), worst.get(key, 0.0))
+    return [
         span
         for finding in after.findings
         if finding.severity == FAILED
-        and finding.worst > LARGER * worst.get((finding.check, finding.subject), 0.0)
+        and _size(finding) > LARGER * worst.get((finding.check, finding.subject), 0.0)
         for span in finding.intervals
     ]
-    return _near(motion.times, spans)
+
+
+def _size(finding: Finding) -> float:
+    """Return a number that is the larger, the worse a finding is."""
+    if finding.check in LOW_IS_WORSE:
+        return 1.0 / max(finding.worst, 1e-9)
+    return finding.worst
 
 
 def _score(verdict: Verdict) -> float:
@@ -299,16 +318,15 @@ def _score(verdict: Verdict) -> float:
 
 
 def _reasons(
-    verdict: Verdict, parts: Collection[str], left: Collection[Span], alone: str
+    verdict: Verdict, parts: Collection[str], left: Collection[Span], is_free: bool
 ) -> Iterator[str]:
     """Say why failures stay that could have been mended, and what was left alone."""
-    known = {check for name in parts for check in FINDINGS[name]} | {"effort"}
+    why = STAYS if is_free else BEYOND
+    known = {check for name in parts for check in FINDINGS[name]}
     for finding in verdict.findings:
         if finding.severity == FAILED and finding.check in known:
-            why = REASONS.get(finding.check, WORSE)
-            if any(begin <= finding.worst_time <= end for begin, end in left):
-                why = alone
-            yield f"{finding.text}: {why}"
+            yield f"{finding.text}: {SLOWER if finding.check == 'effort' else why}"
     if left:
         spans = listed([f"{begin:.2f} to {end:.2f} s" for begin, end in left])
-        yield f"{spans}: not corrected further, {alone}"
+        far = "" if is_free else "are larger than allowed, or "
+        yield f"{spans}: left alone, as changes there {far}make other findings worse"

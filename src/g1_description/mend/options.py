@@ -1,4 +1,4 @@
-"""What is mended, and how far."""
+"""Options of mending."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ FINDINGS = {
 
 @dataclass(frozen=True)
 class MendOptions:
-    """What is mended, and how far."""
+    """Parts that are mended, and bounds of changes."""
 
     only: Collection[str] = ()
     """Of ``FINDINGS``; none: all."""

@@ -26,6 +26,9 @@ OUTLIER, OUTLIER_PLACE = 0.1, 0.04
 NOISE, NOISE_PLACE = 1.5e-3, 1e-3
 """Least standard deviations of noise that is removed, in [rad] and [m]."""
 
+UNEVEN = 0.1
+"""Largest difference of distances of samples of which noise is removed, in means."""
+
 WHITE = 1.6
 """Least ratio of fourth to third differences of noise: 1.87 if it is white; smooth
 motions have less than 1."""
@@ -106,8 +109,10 @@ def _without_outliers(
 
 
 def _without_noise(values: np.ndarray, times: np.ndarray, least: float) -> np.ndarray:
-    """Remove noise of columns, shape (n, k); sampling must be even."""
-    found = values.copy()
+    """Remove noise of columns that are sampled evenly, shape (n, k)."""
+    found, gaps = values.copy(), np.diff(times)
+    if np.ptp(gaps) > UNEVEN * gaps.mean():
+        return found
     third, fourth = (np.diff(values, order, axis=0).std(axis=0) for order in (3, 4))
     is_noisy = third / np.sqrt(20.0) > least
     is_noisy &= fourth > WHITE * third

@@ -214,6 +214,12 @@ class Kinematics:
         carries = self._above @ self._above.T == n_above[:, np.newaxis]
         return ~(carries & (n_above > n_above[:, np.newaxis])).any(axis=1)
 
+    def limb_ends(self) -> np.ndarray:
+        """List a link at the end of each limb, in the order of links."""
+        ends = np.flatnonzero(self.end_links() & self._above.any(axis=1))
+        firsts = np.unique(self._above[ends], axis=0, return_index=True)[1]
+        return ends[np.sort(firsts)]
+
     def _doubling(self) -> list[tuple[np.ndarray, np.ndarray]]:
         """List the links and ancestors of each round."""
         rounds = []
