@@ -127,15 +127,17 @@ class Checker:
         obstacles = None
         if scene is not None:
             obstacles = Obstacles(self.description, scene, visual_hulls)
-        given = (self.description, self.thresholds, self.fixed_base)
-        return Checker(*given, self.collisions, self.physics, obstacles)
+        return self._with(self.physics, obstacles)
 
     def without_physics(self) -> Checker:
         """Return a checker that simulates no motions."""
         if self.physics is None:
             return self
+        return self._with(None, self.obstacles)
+
+    def _with(self, physics: Conditions | None, obstacles: Obstacles | None) -> Checker:
         given = (self.description, self.thresholds, self.fixed_base)
-        return Checker(*given, self.collisions, None, self.obstacles)
+        return Checker(*given, self.collisions, physics, obstacles)
 
     def check(
         self,

@@ -157,26 +157,26 @@ def _stamps(stream: CommandStream) -> np.ndarray:
 
 def infeasible_commands(run: Run) -> Iterator[Event]:
     """Find where the commanded motion itself cannot be done."""
-    wanted = run.wanted
-    if wanted is None:
+    commanded = run.commanded
+    if commanded is None:
         return
     rules = [CENTER_OF_MASS]
-    if not unknown_forces(run.robot, wanted.motion):
+    if not unknown_forces(run.robot, commanded.motion):
         rules.append(CONTACT_FORCES)
-    found = [f for rule in rules for f in rule.find(rule, wanted) if f is not None]
+    found = [f for rule in rules for f in rule.find(rule, commanded) if f is not None]
     if found:
         first = min(found, key=lambda finding: finding.first_time)
         text = f"the commanded motion cannot be done: {first.text}"
-        time = _since(wanted, first.first_time)
+        time = _since(commanded, first.first_time)
         yield Event("infeasible_commands", time, (), text)
 
 
-def _since(wanted: Measured, time: float) -> float:
+def _since(commanded: Measured, time: float) -> float:
     """Find since when the commanded centre of mass is outside the support, in [s]."""
-    assert wanted.balance is not None
-    is_inside = ~(wanted.balance.center_margin < 0.0) & (wanted.times <= time)
+    assert commanded.balance is not None
+    is_inside = ~(commanded.balance.center_margin < 0.0) & (commanded.times <= time)
     begin = int(np.append(np.flatnonzero(is_inside), -1).max()) + 1
-    return min(time, float(wanted.times[min(begin, len(wanted.times) - 1)]))
+    return min(time, float(commanded.times[min(begin, len(commanded.times) - 1)]))
 
 
 # --- what acts on the robot ---
@@ -286,8 +286,8 @@ def saturations(run: Run) -> Iterator[Event]:
 
 def lags(run: Run) -> Iterator[Event]:
     """Find joints that lag."""
-    for column, first, _ in _lagging(run):
-        joint, errors = run.joints[column], run.errors[:, column]
+    for column, first, last in _lagging(run):
+        joint, errors = run.joints[column], run.errors[first : last + 1, column]
         text = (
             f"{joint.name} is up to {np.nanmax(np.abs(errors)):.2f} "
             f"{units(joint)[0]} off its command"
@@ -354,12 +354,15 @@ def lost_contacts(run: Run) -> Iterator[Event]:
     if ground is None or not ground.in_contact[0].any():
         return
     meant = np.ones_like(ground.in_contact)
-    if run.wanted is not None and run.wanted.ground is not None:
-        names, wanted = list(run.wanted.ground_links), run.wanted.ground.heights
-        low = wanted.min(axis=1)
+    if run.commanded is not None and run.commanded.ground is not None:
+        names, commanded = (
+            list(run.commanded.ground_links),
+            run.commanded.ground.heights,
+        )
+        low = commanded.min(axis=1)
         for column, link in enumerate(run.measured.ground_links):
             if link in names:
-                own = wanted[:, names.index(link)] - low
+                own = commanded[:, names.index(link)] - low
                 is_higher = ground.heights[:, column] > own + HIGHER
                 meant[:, column] = (own < RAISED) & is_higher
             else:

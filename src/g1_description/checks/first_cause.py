@@ -111,18 +111,18 @@ def failure_text(found: Explanation | None, states: Stretch) -> str:
     if found is not None:
         return str(found)
     bases = states.base_poses if _has_values(states.base_poses) else None
-    wanted = None if bases is None else states.commanded_bases
+    base_targets = None if bases is None else states.commanded_bases
     known = {
         "the robot does not fall": bases,
         f"no joint is {ERROR} rad off its command": states.commanded,
-        f"the base is not {ASTRAY} m or {TURNED} rad off its command": wanted,
+        f"the base is not {ASTRAY} m or {TURNED} rad off its command": base_targets,
     }
     *first, last = [text for text, of in known.items() if _has_values(of)] or [""]
-    told = f"{', '.join(first)}, and {last}" if first else last
+    text = f"{', '.join(first)}, and {last}" if first else last
     missing = {"the base": bases, "commands": states.commanded}
     names = listed(name for name, of in missing.items() if not _has_values(of))
     lines = [
-        f"Nothing failed: {told}." if told else "Nothing is known to have failed.",
+        f"Nothing failed: {text}." if text else "Nothing is known to have failed.",
         f"Not known: {names}." if names else "",
     ]
     if bases is not None:
@@ -156,11 +156,11 @@ def explain(run: Run) -> Explanation:
         ]
         chain += newest
     chain = [event for event in events if event in chain]
-    told: dict[tuple[str, tuple[str, ...]], Event] = {}
+    firsts: dict[tuple[str, tuple[str, ...]], Event] = {}
     first = next((event for event in chain if not _is_explained(event, chain)), None)
     for event in [first or chain[0], *chain] if chain else ():
-        told.setdefault((event.name, event.subject), event)
-    return Explanation(failure, (*told.values(),), run.unknown)
+        firsts.setdefault((event.name, event.subject), event)
+    return Explanation(failure, (*firsts.values(),), run.unknown)
 
 
 def _is_explained(event: Event, others: Sequence[Event]) -> bool:

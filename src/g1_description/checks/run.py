@@ -174,6 +174,8 @@ class Run:
         is_whole = len(self.joints) == len(self.robot.joints)
         if self.efforts is None or not is_whole or self.measured.balance is None:
             return None
+        if len(self.times) < 2:
+            return None
         period = np.ptp(self.times) / (len(self.times) - 1)
         reach = int(self.robot.thresholds.window / max(period, 1e-9) + 0.5)
         reach = min(reach, (len(self.times) - 1) // 2)
@@ -188,7 +190,7 @@ class Run:
         return external_forces(self.measured, np.array(efforts).T)
 
     @cached_property
-    def wanted(self) -> Measured | None:
+    def commanded(self) -> Measured | None:
         """What was commanded; None if it is not known.
 
         Without a commanded base, the foot that stands first stays where it is.
@@ -271,11 +273,11 @@ def _fall(run: Run, first: int, end: int, limits: FallLimits) -> tuple[int, str]
     bases, desired = run.bases[first:end], run.states.commanded_bases
     has_fallen = FallDetector(bases[0], None, limits).has_fallen(bases, None)
     if desired is not None:
-        wanted = desired[first:end]
-        rows = np.flatnonzero(~np.isnan(wanted).any(axis=1))
+        base_targets = desired[first:end]
+        rows = np.flatnonzero(~np.isnan(base_targets).any(axis=1))
         if len(rows):
-            detector = FallDetector(bases[rows[0]], wanted[rows[0]], limits)
-            has_fallen[rows] = detector.has_fallen(bases[rows], wanted[rows])
+            detector = FallDetector(bases[rows[0]], base_targets[rows[0]], limits)
+            has_fallen[rows] = detector.has_fallen(bases[rows], base_targets[rows])
     falls = np.flatnonzero(has_fallen[1:] & ~has_fallen[:-1])
     return (first + int(falls[-1]) + 1, "the robot falls") if len(falls) else None
 

@@ -115,8 +115,11 @@ class MotionWorker(FileWorker):
                 text = json.dumps(facts) if is_json else description(facts, self.robot)
                 return Done(name, text=text)
             edited, about, page = args.edit(motion, self.robot)
+            is_json = getattr(args, "json", False)
+            if is_json:
+                about = json.dumps({"file": name, **json.loads(about)})
             if name not in self.places:  # --dry-run
-                return Done(name, text=about if args.json else f"{name}:\n{about}")
+                return Done(name, text=about if is_json else f"{name}:\n{about}")
             place = self.places[name]
             if place != args.out and args.to is not None:
                 place = WRITERS[args.to].place(place, edited)
@@ -125,7 +128,8 @@ class MotionWorker(FileWorker):
                 html = place.with_suffix(".html")
                 code = page.encode("utf-8", "backslashreplace")
                 done = replace(done, files={**done.files, html: code})
-            return replace(done, text=f"{done.text}\n{about}") if about else done
+            text = about if is_json else f"{done.text}\n{about}"
+            return replace(done, text=text) if about else done
         except G1DescriptionError as error:
             result = NO_MOTION if isinstance(error, NoMotionError) else NOT_READ
             return FileResult(name, problem=str(error), without_verdict=result)
@@ -314,7 +318,7 @@ class Output:
         file, name = split(task.path)
         begin = f"{file.name}{'' if name is None else f'#{name}'}: "
         problem = problem[len(begin) :] if problem.startswith(begin) else problem
-        if isinstance(self._args, Info) and self._args.json:
+        if getattr(self._args, "json", False):
             return json.dumps({"file": task.name, "problem": problem})
         return f"{task.name}: {problem}"
 
@@ -327,7 +331,7 @@ class Output:
             self.parts[name] = next(iter(done.files.values()))
         elif done.place in self._made:
             raise InvalidValueError(f"{done.place} has another motion already.")
-        elif self.is_kept(done.place):
+        elif any(map(self.is_kept, (done.place, *done.files))):
             self.counts[KEPT] += 1
             return (
                 f"{done.file}: {done.place} exists and was kept; --force replaces it."

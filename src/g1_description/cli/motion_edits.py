@@ -447,6 +447,8 @@ class Mend(Edit):
         self._wanted()
         if self.out is None and not self.dry_run:
             raise InvalidValueError("give --out, or --dry-run to write nothing")
+        if self.html and self.dry_run:
+            raise InvalidValueError("--html is not for --dry-run, which writes nothing")
 
     def _wanted(self) -> MendOptions:
         return MendOptions(self.only, self.max_change, self.max_base, self.keep_hands)

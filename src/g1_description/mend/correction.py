@@ -241,13 +241,13 @@ class Correction:
             # What does not stand stays as high above where it stood.
             lifted = (was - one.level[rows, np.newaxis]).clip(0.0, LIFTED)
             least = np.where(one.drags[rows, np.newaxis], LIFTED, lifted)
-            wanted = np.where(stands, one.offsets[rows], np.where(alone, was, least))
+            goal = np.where(stands, one.offsets[rows], np.where(alone, was, least))
             low = self._ever(("low", one.link), rows, heights < least)
             due = stands | alone | low
             for number, point in enumerate(np.swapaxes(points, 0, 1)):
                 at = np.flatnonzero(due[:, number])
                 near = np.where(alone[at, number], ALONE, HEIGHT)
-                away = (heights - wanted)[at, number] / near
+                away = (heights - goal)[at, number] / near
                 if len(at):
                     links = np.full(len(at), one.link)
                     up = placed.of_each(at, links, point[at])[:, 2:]

@@ -64,6 +64,7 @@ class CheckThread:
         self._motions: dict[tuple[object, ShownRobot], _Request] = {}
         self.forces: dict[tuple[object, ShownRobot], ForceArrows | None] = {}
         """Contact forces of the motion that each owner had checked last."""
+        self._newest: dict[tuple[object, ShownRobot], Motion] = {}
         threading.Thread(target=self._work, daemon=True).start()
 
     def check_motion(
@@ -86,6 +87,7 @@ class CheckThread:
             scene: The objects around the robot; None: there are none.
         """
         self.forces.pop((owner, robot), None)
+        self._newest[owner, robot] = motion
 
         def find(checker: Checker) -> tuple[Verdict, ForceArrows | None]:
             verdict = (checker.among(scene) if scene else checker).check(motion)
@@ -93,7 +95,9 @@ class CheckThread:
             return replace(verdict, measured=None), force_arrows(verdict)
 
         def show(found: tuple[Verdict, ForceArrows | None]) -> None:
-            verdict, self.forces[owner, robot] = found
+            verdict, forces = found
+            if self._newest.get((owner, robot)) is motion:
+                self.forces[owner, robot] = forces
             then(verdict)
 
         self.ask(owner, robot, find, show, failed)

@@ -167,7 +167,7 @@ def _since(begin: int, stream: CommandStream) -> CommandStream:
     """Return the commands of a stream from a time in [ns] on."""
     if stream.stamps is None or stream.positions is None:
         return stream
-    kept = stream.stamps >= begin
+    kept = stream.stamps >= min(begin, int(stream.stamps[-1]))
     stamps, positions = stream.stamps[kept], stream.positions[kept]
     first, last = int(stamps[0]), int(stamps[-1])
     return CommandStream(first, last, len(stamps), stream.command, stamps, positions)
