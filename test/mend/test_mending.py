@@ -70,6 +70,14 @@ def test_changes_stay_within_their_bounds_and_what_is_left_is_named():
     assert any("larger than allowed" in text for text in found.certificate.left)
 
 
+def test_hands_keep_their_paths_if_they_should():
+    found = ROBOT.mended("faulty.csv", keep_hands=True)
+    moved = {one.name: one.rms for one in found.certificate.moved}
+    assert found.certificate.failures == (9, 0)
+    assert max(moved["left_wrist_yaw_link"], moved["right_wrist_yaw_link"]) < 5e-3
+    assert moved["left_ankle_roll_link"] > 0.03
+
+
 def test_wrong_samples_within_the_bounds_are_mended_and_farther_ones_stay():
     spoilt = ROBOT.read_motion("squat.csv")
     spoilt.positions[50, 20] += 0.3
