@@ -28,7 +28,7 @@ ROOT = Path(__file__).parents[2]
         ("noise of 5 mrad", 3.5),
         ("one wrong frame", 100.0),
         ("beyond limits", 5.0),
-        ("15 mm in the floor", 8.0),
+        ("15 mm in the floor", 5.0),
     ],
 )
 def test_a_spoilt_motion_is_mended_to_what_it_was(name, way, least):

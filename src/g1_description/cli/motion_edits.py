@@ -471,9 +471,9 @@ class Mend(Edit):
             from g1_description.render.page import motion_page
 
             text = str(certificate)
-            page = motion_page(
-                robot, found.motion, found.after, before=motion, about=text
-            )
+            name = f"{motion.name or robot.name}, fixed"
+            given = robot, found.motion, found.after, name
+            page = motion_page(*given, before=motion, about=text)
         if self.json:
             return Edited(found.motion, json.dumps(certificate.as_dict()), page)
         return Edited(found.motion, str(certificate), page)

@@ -32,12 +32,13 @@ for, too, but for the first half."""
 JOINT, PLACE, TURN = 0.1, 0.3, 0.1
 """Tolerances of changes: of joints in [rad] or [m], of the base in [m] and [rad]."""
 
-KEPT = 0.03
-"""Tolerance of the base's place in [m] if it is to keep near its path."""
+SMOOTH = (1.0, 0.3, 1.0, 6.0)
+"""Tolerances of accelerations of the change: of the base along the floor and upwards in
+[m/s^2], of its rotation in [rad/s^2], and of joints in [rad/s^2] or [m/s^2]."""
 
-SMOOTH = (1.0, 2.0, 6.0)
-"""Tolerances of accelerations of the change: of the base in [m/s^2] and [rad/s^2], and
-of joints in [rad/s^2] or [m/s^2]."""
+KEPT, KEPT_SMOOTH = 0.03, 0.3
+"""Tolerances of the base's place in [m], and of accelerations of its change along the
+floor in [m/s^2], if it keeps near its path."""
 
 SHORTEST = 1e-3
 """Least distance of samples for accelerations of the change, in [s]."""
@@ -50,8 +51,12 @@ LOCK, MOVE = 1e-4, 1e-3
 """Tolerances of a foot's steps between samples: where it stands, and where it moves
 near the floor, in [m]."""
 
-HEIGHT, DEPTH, CENTER, HAND = 2e-4, 3e-4, 1e-3, 3e-3
-"""Tolerances of heights, distances of links, the centre of mass and hands, in [m]."""
+HEIGHT, DEPTH, CENTER = 2e-4, 3e-4, 1e-3
+"""Tolerances of heights, distances of links and the centre of mass, in [m]."""
+
+PALM, HAND = 0.1 * np.eye(4, 3, -1), (3e-3, 2e-2, 2e-2, 2e-2)
+"""Points of hands that keep their paths, in the frame of the link, and their tolerances
+in [m]: places are kept better than rotations."""
 
 BOUND, RATE = 1e-4, 1e-4
 """Tolerances of limits of joints, and of their steps, in [rad] or [m]."""
@@ -65,11 +70,15 @@ LIFTED = 0.012
 APART, MARGIN = 5e-4, 0.005
 """Distance of links that were pushed apart, and up to which it is measured, in [m]."""
 
-WITHIN = 0.005
+WITHIN = 0.02
 """Distance of the centre of mass from the edge of the support polygon, in [m]."""
 
 FAR = 0.05
 """A centre of mass farther out, in [m], is not moved inwards: it is no standstill."""
+
+AROUND = 0.5
+"""The centre of mass is moved inwards up to this time from a standstill, in [s]: the
+robot would move through it else."""
 
 SPEED = 0.98
 """Fraction of the limit that joints reach which were too fast."""
@@ -94,7 +103,9 @@ class Correction:
             keeps_hands: Whether the ends of arms keep their paths.
             keeps_base: Whether the base keeps near its path.
         """
-        self._place = KEPT if keeps_base else PLACE
+        self._place, self._smoothness = PLACE, [*SMOOTH]
+        if keeps_base:
+            self._place, self._smoothness[0] = KEPT, KEPT_SMOOTH
         self._measured, self._parts = measured, parts
         self._robot: CheckedRobot = measured.robot
         motion = measured.motion
@@ -120,14 +131,18 @@ class Correction:
         return [row for row in rows if row not in used]
 
     def _unbalanced(self) -> np.ndarray:
-        """Mark the samples at which the robot is still and out of balance."""
-        balance = self._measured.balance
+        """Mark samples out of balance at a standstill, and just before and after it."""
+        found = np.zeros(len(self._times), dtype=bool)
+        balance, times = self._measured.balance, self._times
         if balance is None:
-            return np.zeros(len(self._times), dtype=bool)
-        at = np.searchsorted(self._measured.times, self._times)
-        margin = np.where(balance.is_still, balance.center_margin, np.nan)
+            return found
+        at = np.searchsorted(self._measured.times, times)
+        margin = balance.center_margin[at]
         with np.errstate(invalid="ignore"):
-            return np.asarray(((margin < WITHIN) & (margin > -FAR))[at])
+            is_out = (margin < WITHIN) & (margin > -FAR)
+        for time in times[is_out & balance.is_still[at]]:
+            found |= is_out & (np.abs(times - time) < AROUND)
+        return found
 
     def find(self) -> Motion:
         """Return the corrected motion."""
@@ -214,7 +229,7 @@ class Correction:
         """Weigh the curvature of changes, shape (size,)."""
         gaps = np.diff(self._times[rows])
         step = max(float(np.median(gaps)), SHORTEST) if gaps.size else 1.0
-        own = np.repeat(SMOOTH, [3, 3, len(self._moved)])
+        own = np.repeat(self._smoothness, [2, 1, 3, len(self._moved)])
         return np.asarray(1.0 / (own * step**2))
 
     def _active(self, rows: slice, mask: np.ndarray) -> np.ndarray:
@@ -384,13 +399,15 @@ class Correction:
             change.add(np.array(used), apart, residual)
 
     def _add_hands(self, change: Change, placed: Jacobians, rows: slice) -> None:
-        """Keep hands on their paths."""
+        """Keep hands on their paths, with their rotations."""
         if not self._hands:
             return
         at = np.arange(len(placed.link_poses))
-        before = self._poses[rows]
         for link in self._hands:
-            points = placed.link_poses[:, link, :3]
-            jacobian = placed.of_each(at, np.full(len(at), link), points)
-            residual = points - before[:, link, :3]
-            change.add(at, jacobian / HAND, residual / HAND)
+            now = placed_points(placed.link_poses[:, link], PALM)
+            before = placed_points(self._poses[rows, link], PALM)
+            for number, tolerance in enumerate(HAND):
+                points = now[:, number]
+                jacobian = placed.of_each(at, np.full(len(at), link), points)
+                away = points - before[:, number]
+                change.add(at, jacobian / tolerance, away / tolerance)

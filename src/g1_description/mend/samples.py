@@ -33,7 +33,7 @@ WHITE = 1.6
 """Least ratio of fourth to third differences of noise: 1.87 if it is white; smooth
 motions have less than 1."""
 
-OFF = 0.03
+OFF = 0.01
 """A motion is lifted or lowered if its lowest points are this far from the floor in
 half of its samples, in [m]."""
 
