@@ -265,7 +265,7 @@ def run(args: Reading) -> int:
         out.counts[DONE] = 0
     elif out.parts:
         out.write_merged(places[tasks[0].name])
-    done = "read" if isinstance(args, Info) else "written"
+    done = "written" if places else "read"
     _summarize(out, done, files, len(left), len(robot.movable_joints))
     if unmatched(selection):
         notify(unmatched(selection))

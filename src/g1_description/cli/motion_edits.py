@@ -433,6 +433,7 @@ class Mend(Edit):
         "largest change of the base's place [m]", inf, positive(inf), shown="any"
     )
     keep_hands: bool = option("keep the paths of hands in the map", False)
+    thresholds: Path | None = options.thresholds()
     dry_run: bool = option("write no motion, only say what would be changed", False)
     json: bool = option("print a line of JSON for each motion", False)
     physics: bool = option(
@@ -444,13 +445,13 @@ class Mend(Edit):
 
     def __post_init__(self) -> None:
         """Check what is to be fixed."""
-        self._wanted()
+        self._mend_options()
         if self.out is None and not self.dry_run:
             raise InvalidValueError("give --out, or --dry-run to write nothing")
         if self.html and self.dry_run:
             raise InvalidValueError("--html is not for --dry-run, which writes nothing")
 
-    def _wanted(self) -> MendOptions:
+    def _mend_options(self) -> MendOptions:
         return MendOptions(self.only, self.max_change, self.max_base, self.keep_hands)
 
     def is_merged(self, tasks: Sequence[Task]) -> bool:
@@ -465,7 +466,8 @@ class Mend(Edit):
         """Fix it."""
         from g1_description.mend.mending import mended  # few need checks
 
-        found = mended(_checker(robot, self.physics), motion, self._wanted())
+        checker = _checker(robot, self.physics, self.thresholds)
+        found = mended(checker, motion, self._mend_options())
         certificate, page = found.certificate, ""
         if self.html:
             from g1_description.render.page import motion_page
@@ -483,15 +485,16 @@ _CHECKERS: dict[int, Checker] = {}
 """The checks of the robot of this process, by its id."""
 
 
-def _checker(robot: Description, physics: bool) -> Checker:
+def _checker(robot: Description, physics: bool, file: Path | None) -> Checker:
     """Prepare the checks of a robot once in each process."""
     from g1_description.checks.checker import Checker
+    from g1_description.checks.thresholds_file import read_thresholds
     from g1_description.sim.engines import fastest_engine
     from g1_description.sim.rollout import Conditions
 
     if id(robot) not in _CHECKERS:
         conditions = Conditions(engine=fastest_engine()) if physics else None
-        _CHECKERS[id(robot)] = Checker(robot, physics=conditions)
+        _CHECKERS[id(robot)] = Checker(robot, read_thresholds(file), physics=conditions)
     return _CHECKERS[id(robot)]
 
 
