@@ -142,7 +142,9 @@ def test_faults_that_hide_each_other_are_mended_together(way):
 
 
 def test_feet_stand_on_a_floor_at_any_height():
-    spoilt = faults.WAYS["drifting"](ROBOT, ROBOT.read_motion("step_in_place.csv"), None)
+    spoilt = faults.WAYS["drifting"](
+        ROBOT, ROBOT.read_motion("step_in_place.csv"), None
+    )
     low = replace(spoilt, base_poses=spoilt.base_poses - 0.3 * np.eye(7)[2])
     one = ROBOT.mended(spoilt).motion
     other = ROBOT.mended(low, thresholds={"floor_height": -0.3}).motion
