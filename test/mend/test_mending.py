@@ -70,6 +70,16 @@ def test_changes_stay_within_their_bounds_and_what_is_left_is_named():
     assert any("larger than allowed" in text for text in found.certificate.left)
 
 
+def test_joints_stay_within_the_bounds_of_accelerations():
+    """The wave reaches 1.9 times the bound, in its elbow."""
+    bounds = {"acceleration_bounds": {"default": 20.0}}
+    found = ROBOT.mended("wave.csv", thresholds=bounds)
+    assert [f.check for f in found.before.findings] == ["acceleration"]
+    assert found.after.findings == ()
+    joints = found.certificate.moved[0]
+    assert joints.rms < 5e-3 and joints.largest < 0.1
+
+
 def test_hands_keep_their_paths_if_they_should():
     found = ROBOT.mended("faulty.csv", keep_hands=True)
     moved = {one.name: one.rms for one in found.certificate.moved}

@@ -67,6 +67,27 @@ class Change:
         self.add(rows + 1, after, residual)
         _add(self._blocks[1], rows, np.swapaxes(before, 1, 2) @ after)
 
+    def add_bends(
+        self,
+        rows: np.ndarray,
+        columns: np.ndarray,
+        weights: np.ndarray,
+        now: np.ndarray,
+    ) -> None:
+        """Add terms of one unknown at a sample and the next two.
+
+        Args:
+            rows: First samples, shape (m,).
+            columns: Unknowns, shape (m,).
+            weights: Weighted derivatives by the three, shape (m, 3).
+            now: Weighted residuals now, shape (m,).
+        """
+        for k, one in enumerate(weights.T):
+            np.add.at(self._right, (rows + k, columns), -one * now)
+            for distance, block in enumerate(self._blocks[: 3 - k]):
+                product = one * weights[:, k + distance]
+                np.add.at(block, (rows + k, columns, columns), product)
+
     def keep_small(self, weights: np.ndarray, done: np.ndarray) -> None:
         """Prefer no change.
 

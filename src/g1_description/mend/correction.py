@@ -80,8 +80,9 @@ AROUND = 0.5
 """The centre of mass is moved inwards up to this time from a standstill, in [s]: the
 robot would move through it else."""
 
-SPEED = 0.98
-"""Fraction of the limit that joints reach which were too fast."""
+SPEED, STRONG = 0.98, 1e-2
+"""Fraction of the limit that joints reach which were too fast, and tolerance of their
+accelerations in bounds."""
 
 
 class Correction:
@@ -303,7 +304,7 @@ class Correction:
         change.add_steps(at[first], *given)
 
     def _add_bounds(self, change: Change, now: np.ndarray, rows: slice) -> None:
-        """Bring joints into their limits, and below their largest speeds."""
+        """Bring joints into their limits, and below largest rates."""
         joints, (lower, upper) = self._robot.joints, self._limits(rows)
         unit = np.eye(change.size)[N_BASE:]
         free = ~self.excluded[rows][:, np.newaxis]
@@ -323,6 +324,27 @@ class Correction:
             away = (steps - np.sign(steps) * most)[at, column]
             own = unit[column][:, np.newaxis] / RATE
             change.add_steps(at, -own, own, away[:, np.newaxis] / RATE)
+            self._add_accelerations(change, now, rows)
+
+    def _add_accelerations(self, change: Change, now: np.ndarray, rows: slice) -> None:
+        """Bring joints below their largest accelerations."""
+        if len(now) < 3:
+            return
+        names = tuple(joint.name for joint in self._robot.joints)
+        most = SPEED * self._robot.thresholds.acceleration_bounds.of(names)
+        gaps = np.diff(self._times[rows])[:, np.newaxis]
+        before, after = gaps[:-1], gaps[1:]
+        middle = (before + after) / 2.0
+        found = np.diff(np.diff(now, axis=0) / gaps, axis=0) / middle
+        quick = np.zeros(now.shape, dtype=bool)
+        quick[:-2] = (np.abs(found) > most) & ~self.excluded[rows][1:-1, np.newaxis]
+        at, column = np.nonzero(self._ever("quick", rows, quick)[:-2])
+        sides = [1.0 / before, -1.0 / before - 1.0 / after, 1.0 / after]
+        slopes = np.concatenate(sides, axis=1)[at] / middle[at]
+        tolerance = STRONG * most[column]
+        away = (np.abs(found) - most)[at, column] * np.sign(found)[at, column]
+        weights = slopes / tolerance[:, np.newaxis]
+        change.add_bends(at, N_BASE + column, weights, away / tolerance)
 
     def _ever(self, name: object, rows: slice, mask: np.ndarray) -> np.ndarray:
         """Keep what was wrong in a round for the next ones, as an equation."""

@@ -24,7 +24,7 @@ FINDINGS = {
     "limits": ("position",),
     "feet": ("skating", "drift", "penetration", "floating", "contact_forces"),
     "collisions": ("self_collision",),
-    "speed": ("velocity",),
+    "speed": ("velocity", "acceleration"),
     "balance": ("center_of_mass",),
 }
 """What can be mended, and the checks whose findings that removes."""
