@@ -193,6 +193,7 @@ class Correction:
         rows = slice(first, last)
         done, fixed = before.copy(), OVERLAP // 2 if first else 0
         kept, largest = before.copy(), np.inf
+        known = KNOWN if self._total is None else 1
         kept[fixed:] = 0.0
         for number in range(ROUNDS):
             at = changed(self._bases[rows], self._positions[rows], done)
@@ -208,7 +209,7 @@ class Correction:
             step = change.solve()
             previous, largest = largest, float(np.abs(step).max())
             done = done + min(1.0, FURTHEST / max(largest, FURTHEST)) * step
-            if largest < ENOUGH or (number > KNOWN and largest > STALLED * previous):
+            if largest < ENOUGH or (number > known and largest > STALLED * previous):
                 break
         return done
 
