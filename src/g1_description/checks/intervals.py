@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 GAP = 0.1
@@ -65,6 +67,24 @@ def around(n_samples: int, begins: np.ndarray, ends: np.ndarray) -> np.ndarray:
     np.add.at(edges, np.clip(begins, 0, n_samples), 1)
     np.add.at(edges, np.clip(ends, 0, n_samples), -1)
     return np.cumsum(edges)[:-1] > 0
+
+
+def near(
+    times: np.ndarray, spans: Sequence[tuple[float, float]], reach: float
+) -> np.ndarray:
+    """Mark the samples near intervals of time.
+
+    Args:
+        times: Times of the samples in [s], rising, shape (n_samples,).
+        spans: First and last times in [s].
+        reach: Time before and after each, in [s].
+
+    Returns:
+        Shape (n_samples,).
+    """
+    firsts, lasts = np.reshape(spans, (-1, 2)).T
+    begins = np.searchsorted(times, firsts - reach, "left")
+    return around(len(times), begins, np.searchsorted(times, lasts + reach, "right"))
 
 
 def time_share(times: np.ndarray, mask: np.ndarray) -> float:

@@ -149,7 +149,7 @@ class Run:
 
     @cached_property
     def measured(self) -> Measured:
-        """What the robot did."""
+        """Measurements of the motion of the robot."""
         motion = self._motion(self.states.positions[:, self._columns], self.bases)
         needs = [need for need in NEEDS if not self.robot.lacks(need, motion)]
         return measure(self.robot, motion, needs, {})
@@ -191,7 +191,7 @@ class Run:
 
     @cached_property
     def commanded(self) -> Measured | None:
-        """What was commanded; None if it is not known.
+        """Measurements of the commanded motion; None if it is not known.
 
         Without a commanded base, the foot that stands first stays where it is.
         """

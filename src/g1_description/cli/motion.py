@@ -114,10 +114,10 @@ class MotionWorker(FileWorker):
                 is_json = isinstance(args, Info) and args.json
                 text = json.dumps(facts) if is_json else description(facts, self.robot)
                 return Done(name, text=text)
-            edited, about, page = args.edit(motion, self.robot)
+            edited, about, facts, page = args.edit(motion, self.robot)
             is_json = getattr(args, "json", False)
             if is_json:
-                about = json.dumps({"file": name, **json.loads(about)})
+                about = json.dumps({"file": name, **(facts or {})})
             if name not in self.places:  # --dry-run
                 return Done(name, text=about if is_json else f"{name}:\n{about}")
             place = self.places[name]

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import json
 import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from g1_description.bridge.recorded_file import WRITERS
 from g1_description.checks.batch import Task
@@ -95,6 +94,9 @@ class Edited(NamedTuple):
     motion: Motion
     about: str = ""
     """Text to print."""
+
+    facts: Mapping[str, Any] | None = None
+    """What ``--json`` prints."""
 
     page: str = ""
     """A page in HTML."""
@@ -468,17 +470,14 @@ class Mend(Edit):
 
         checker = _checker(robot, self.physics, self.thresholds)
         found = mended(checker, motion, self._mend_options())
-        certificate, page = found.certificate, ""
+        certificate, text, page = found.certificate, str(found.certificate), ""
         if self.html:
             from g1_description.render.page import motion_page
 
-            text = str(certificate)
             name = f"{motion.name or robot.name}, fixed"
             given = robot, found.motion, found.after, name
             page = motion_page(*given, before=motion, about=text)
-        if self.json:
-            return Edited(found.motion, json.dumps(certificate.as_dict()), page)
-        return Edited(found.motion, str(certificate), page)
+        return Edited(found.motion, text, certificate.as_dict(), page)
 
 
 _CHECKERS: dict[int, Checker] = {}
@@ -489,11 +488,14 @@ def _checker(robot: Description, physics: bool, file: Path | None) -> Checker:
     """Prepare the checks of a robot once in each process."""
     from g1_description.checks.checker import Checker
     from g1_description.checks.thresholds_file import read_thresholds
-    from g1_description.sim.engines import fastest_engine
-    from g1_description.sim.rollout import Conditions
 
     if id(robot) not in _CHECKERS:
-        conditions = Conditions(engine=fastest_engine()) if physics else None
+        conditions = None
+        if physics:
+            from g1_description.sim.engines import fastest_engine
+            from g1_description.sim.rollout import Conditions
+
+            conditions = Conditions(engine=fastest_engine())
         _CHECKERS[id(robot)] = Checker(robot, read_thresholds(file), physics=conditions)
     return _CHECKERS[id(robot)]
 

@@ -86,12 +86,11 @@ def stances(measured: Measured) -> list[Stance]:
     steps = np.linalg.norm(ground.steps[at], axis=-1)
     gaps = np.diff(measured.times, append=np.inf)[at]  # nothing moves after the last
     speeds = np.nan_to_num(steps) / gaps[:, np.newaxis]
-    is_dragged = [_dragged(*pair) for pair in zip(in_contact.T, speeds.T)]
-    supports = in_contact & ~np.stack(is_dragged, axis=1)
+    supports = in_contact & ~_dragged(in_contact, speeds)
     carriers = _carriers(supports, ground.heights[at], speeds, motion.times)
     carriers &= in_contact.sum(axis=1, keepdims=True) < 2
     in_contact |= carriers
-    drags = np.stack([_dragged(*pair) for pair in zip(in_contact.T, speeds.T)], axis=1)
+    drags = _dragged(in_contact, speeds)
     slides = (in_contact.sum(axis=1) > 1) & (drags | ~in_contact).all(axis=1)
     drags[slides] = False  # the whole robot slides, which locks undo
     found = []
@@ -146,11 +145,12 @@ def _carriers(
 
 
 def _dragged(touches: np.ndarray, speeds: np.ndarray) -> np.ndarray:
-    """Mark the samples of a contact in which a link is dragged, shape (n,)."""
-    found = np.zeros(len(touches), dtype=bool)
-    for first, last in runs(touches & (speeds > SLOW)):
-        if speeds[first : last + 1].max() > DRAG:
-            found[first : last + 1] = True
+    """Mark the samples of contacts in which links are dragged, shape (n, n_links)."""
+    found = np.zeros(touches.shape, dtype=bool)
+    for column, fast in enumerate((touches & (speeds > SLOW)).T):
+        for first, last in runs(fast):
+            rows = slice(first, last + 1)
+            found[rows, column] = speeds[rows, column].max() > DRAG
     return found
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from g1_description.checks.intervals import intervals, near
 from g1_description.checks.measured import CheckedRobot, Measured
 from g1_description.checks.support import nearest_point, support_margin, support_polygon
 from g1_description.mend.body import N_BASE, Change, changed
@@ -133,17 +134,15 @@ class Correction:
 
     def _unbalanced(self) -> np.ndarray:
         """Mark samples out of balance at a standstill, and just before and after it."""
-        found = np.zeros(len(self._times), dtype=bool)
         balance, times = self._measured.balance, self._times
         if balance is None:
-            return found
+            return np.zeros(len(times), dtype=bool)
         at = np.searchsorted(self._measured.times, times)
         margin = balance.center_margin[at]
         with np.errstate(invalid="ignore"):
             is_out = (margin < WITHIN) & (margin > -FAR)
-        for time in times[is_out & balance.is_still[at]]:
-            found |= is_out & (np.abs(times - time) < AROUND)
-        return found
+        still = intervals(times, is_out & balance.is_still[at])
+        return is_out & near(times, still, AROUND)
 
     def find(self) -> Motion:
         """Return the corrected motion."""

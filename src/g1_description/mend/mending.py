@@ -9,7 +9,7 @@ from typing import NamedTuple, Tuple
 import numpy as np
 
 from g1_description.checks.checker import Checker
-from g1_description.checks.intervals import runs
+from g1_description.checks.intervals import intervals, near
 from g1_description.checks.verdict import FAILED, Finding, Verdict
 from g1_description.mend.certificate import (
     LOW_IS_WORSE,
@@ -89,7 +89,7 @@ def mended(
     options = options or MendOptions()
     parts = [name for name in FINDINGS if not options.only or name in options.only]
     mending = _Mending(checker.without_physics(), motion, parts, options)
-    before, after = mending.now.verdict, motion
+    before = mending.now.verdict
     found: _State | None = mending.now
     while found is not None:
         mending.now = found
@@ -182,11 +182,11 @@ class _Mending:
         joints, base = _sizes(state.motion, found.motion)
         if base < AWAY:
             return found
-        near = self._corrected(state, parts, keeps_base=True)
-        if near is None or _score(near.verdict) > _score(found.verdict) + NEARLY:
+        kept = self._corrected(state, parts, keeps_base=True)
+        if kept is None or _score(kept.verdict) > _score(found.verdict) + NEARLY:
             return found
-        is_near = _sizes(state.motion, near.motion)[0] < MORE * joints + SMALL
-        return near if is_near and self._is_better(near) else found
+        is_near = _sizes(state.motion, kept.motion)[0] < MORE * joints + SMALL
+        return kept if is_near and self._is_better(kept) else found
 
     def _due(self, state: _State) -> list[str]:
         """List the parts that remove something of what was found."""
@@ -230,16 +230,13 @@ class _Mending:
             wrong = _too_far(self._given, found, self._options)
             if not wrong.any():
                 judged = self._checker.check(found)
-                wrong = _near(found.times, _worse(self.now.verdict, judged))
+                wrong = near(found.times, _worse(self.now.verdict, judged), SPREAD)
                 if not wrong.any():
                     break
             correction.excluded |= wrong
         else:
             return None
-        times, alone = found.times, runs(correction.excluded)
-        return _State(
-            found, judged, [(float(times[a]), float(times[b])) for a, b in alone]
-        )
+        return _State(found, judged, intervals(found.times, correction.excluded))
 
 
 def _sizes(before: Motion, after: Motion) -> tuple[float, float]:
@@ -265,8 +262,8 @@ def _bounded(
 
 def _too_far(motion: Motion, found: Motion, options: MendOptions) -> np.ndarray:
     """Mark the samples near those that change more than allowed, shape (n,)."""
-    times, far = motion.times, _far(motion, found, options)
-    return _near(times, [(times[a], times[b]) for a, b in runs(far)])
+    far = _far(motion, found, options)
+    return near(motion.times, intervals(motion.times, far), SPREAD)
 
 
 def _far(motion: Motion, found: Motion, options: MendOptions) -> np.ndarray:
@@ -277,14 +274,6 @@ def _far(motion: Motion, found: Motion, options: MendOptions) -> np.ndarray:
         away = np.linalg.norm((found.base_poses - motion.base_poses)[:, :3], axis=1)
         far |= away > options.max_base
     return np.asarray(far)
-
-
-def _near(times: np.ndarray, spans: Sequence[Span]) -> np.ndarray:
-    """Mark the times near intervals, shape (n,)."""
-    found = np.zeros(len(times), dtype=bool)
-    for begin, end in spans:
-        found |= (times >= begin - SPREAD) & (times <= end + SPREAD)
-    return found
 
 
 def _worse(before: Verdict, after: Verdict) -> list[Span]:

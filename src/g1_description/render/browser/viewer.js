@@ -4,7 +4,7 @@
 const make = (tag, into, values = {}) => into.appendChild(Object.assign(document.createElement(tag), values));
 
 const VIEWS = { Front: [0, 0.1], Side: [-Math.PI / 2, 0.1], Back: [Math.PI, 0.1] };
-const BESIDE = [0, 1, 0]; // where the robot of before stands, seen from the other one, in m
+const BESIDE = [0, 1, 0]; // how far from its place the robot of before is drawn, in m
 const SLOW = 60; // a frame that takes longer, in ms, is drawn coarser
 
 class Viewer {
