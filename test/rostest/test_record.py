@@ -79,6 +79,9 @@ class Recordings:
         assert self.runs[name].returncode == 0, self.errors[name]
         assert f"{self.folder / name}: " in out
 
+    def now(self):
+        return position_of(self.states.messages[-1], ELBOW)
+
     def read(self, name):
         """Read a motion, as play does: the times, the elbow, the base along x."""
         robot = parse_urdf(rospy.get_param("/robot_description"))
@@ -155,13 +158,19 @@ def recordings(tmp_path_factory):
     made.wait_for_begin("gone.csv")
     gone.unregister()
     made.wait_for_begin("interrupted.csv", "reset.bag", "other.csv", "seconds.npz")
-    begin = rospy.get_time()
     attach = service("/gazebo/attach_object", AttachObject)
     assert attach("box", "g1_robot", "left_hand").success
-    wait_for(lambda: rospy.get_time() > begin + 1.0, "a second")
+    begin, start = rospy.get_time(), made.now()
+    # At the end of a swing, where it is slow: a busy machine lets go late.
+    wait_for(
+        lambda: abs(made.now()) > 0.95 and abs(made.now() - start) > 0.5,
+        "the other end of the swing",
+    )
     assert service("/gazebo/detach_object", DetachObject)("box").success
+    end = rospy.get_time()
+    made.held = end - begin
     made.box = service("/gazebo/get_model_state", GetModelState)("box", "").pose
-    made.joints.wait(lambda m: m.header.stamp.to_sec() > begin + 1.2, "the rest")
+    made.joints.wait(lambda m: m.header.stamp.to_sec() > end + 0.2, "the rest")
     made.end("interrupted.csv", signal.SIGINT)
     made.end("other.csv", signal.SIGHUP)
     made.end("seconds.npz")
@@ -196,7 +205,8 @@ def test_a_csv_until_ctrl_c_has_every_state(recordings):
 def test_the_scene_next_to_it_has_what_was_carried_and_when(recordings):
     scene = Scene.read(recordings.folder / "interrupted.scene.yaml")
     (held,) = scene["box"].attachments
-    assert held.link == "left_hand" and abs(held.end - held.begin - 1.0) < 0.2
+    assert held.link == "left_hand"
+    assert abs(held.end - held.begin - recordings.held) < 0.2
     robot = parse_urdf(rospy.get_param("/robot_description"))
     motion = read_motion(recordings.folder / "interrupted.csv", robot)
     links = motion_links(robot, motion)
