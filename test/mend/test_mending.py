@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bench import mend as faults
+from scipy.interpolate import CubicSpline
 
 from g1_description import Robot
 from g1_description.cli import motion as command
@@ -140,6 +141,26 @@ def test_a_motion_above_or_below_the_floor_is_moved_as_a_whole(height):
     found = ROBOT.mended(spoilt)
     np.testing.assert_allclose(found.motion.base_poses, clean.base_poses, atol=2e-3)
     np.testing.assert_array_equal(found.motion.positions, clean.positions)
+
+
+def test_samples_between_those_that_are_solved_for_are_changed_as_well():
+    """Of a motion at 500 Hz."""
+    clean = ROBOT.read_motion("squat.csv")
+    times = np.linspace(0.0, clean.duration, int(500.0 * clean.duration) + 1)
+    positions, bases = (
+        CubicSpline(clean.times, values)(times)
+        for values in (clean.positions, clean.base_poses)
+    )
+    clean = replace(
+        clean, times=times, positions=positions, velocities=None, base_poses=bases
+    )
+    spoilt = faults.WAYS["drifting"](ROBOT, clean, None)
+    found = ROBOT.mended(spoilt)
+    before, after = (
+        faults.distance(ROBOT, clean, motion) for motion in (spoilt, found.motion)
+    )
+    assert after < before / 50.0
+    assert found.after.findings == ()
 
 
 @pytest.mark.parametrize("way", ["drifting", "sliding 0.25 m"])

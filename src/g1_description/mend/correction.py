@@ -347,7 +347,7 @@ class Correction:
         change.add_bends(at, N_BASE + column, weights, away / tolerance)
 
     def _ever(self, name: object, rows: slice, mask: np.ndarray) -> np.ndarray:
-        """Keep what was wrong in a round for the next ones, as an equation."""
+        """Keep what was wrong in a round for the next ones; the result may be set."""
         shape = (len(self._times), *mask.shape[1:])
         known = self._wrong.setdefault(name, np.zeros(shape, dtype=bool))
         known[rows] |= mask
@@ -396,7 +396,7 @@ class Correction:
             for one in self._stances
         ]
         used, residuals, along = [], [], []
-        was_out = self._ever("out", rows, np.zeros(len(center), dtype=bool)).copy()
+        out = self._ever("out", rows, np.zeros(len(center), dtype=bool))
         for row in at.tolist():
             standing = [(link, p[row, s[row]]) for link, p, s in feet if s[row].any()]
             if not standing:
@@ -404,10 +404,11 @@ class Correction:
             points = np.concatenate([points for _, points in standing])
             polygon = support_polygon(points[:, :2])
             place = center[row, :2]
-            if was_out[row] or support_margin(polygon, *place.tolist()) < WITHIN:
+            if out[row] or support_margin(polygon, *place.tolist()) < WITHIN:
                 edge = nearest_point(polygon, *place.tolist())
                 inwards = np.mean(polygon, axis=0) - edge
                 far = max(float(np.linalg.norm(inwards)), WITHIN)
+                out[row] = True  # also in the next rounds
                 used.append(row)
                 residuals.append(place - edge - inwards * WITHIN / far)
                 counts = [len(some) for _, some in standing]
@@ -415,8 +416,6 @@ class Correction:
                 moved = placed.of_each(np.full(len(points), row), links, points)
                 along.append((jacobian[row] - moved.mean(axis=0))[:2])
         if used:
-            was_out[used] = True
-            self._ever("out", rows, was_out)
             residual, apart = np.array(residuals) / CENTER, np.array(along) / CENTER
             change.add(np.array(used), apart, residual)
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from g1_description.checks.checker import Checker
 from g1_description.checks.intervals import intervals, near
+from g1_description.checks.measured import Measured
 from g1_description.checks.verdict import FAILED, Finding, Verdict
 from g1_description.mend.certificate import (
     LOW_IS_WORSE,
@@ -19,7 +20,13 @@ from g1_description.mend.certificate import (
 )
 from g1_description.mend.correction import Correction
 from g1_description.mend.options import FINDINGS, MendOptions
-from g1_description.mend.samples import on_floor, without_noise, without_outliers
+from g1_description.mend.samples import (
+    knots,
+    on_floor,
+    spread,
+    without_noise,
+    without_outliers,
+)
 from g1_description.motion.motion import Motion
 from g1_description.text import listed
 
@@ -32,6 +39,9 @@ failure counts 1 and its fraction of time, a warning a fifth of that."""
 
 LARGER = 1.1
 """A failure is larger from this multiple of its worst size on."""
+
+NEEDED = ("skating", "center_of_mass")
+"""Checks that measure what corrections need: the ground and balance."""
 
 SPREAD = 0.4
 """Nothing is corrected as near to a place that would change too far, in [s]."""
@@ -147,6 +157,8 @@ class _Mending:
     ) -> None:
         self._checker, self._parts, self._options = checker, parts, options
         self._given = given
+        joints = checker.checked_robot.joints
+        self._joints = {joint.name: joint for joint in joints}
         self.now = _State(given, checker.check(given), ())
         self._first = self.now.verdict
 
@@ -221,22 +233,40 @@ class _Mending:
         self, state: _State, parts: tuple[str, ...], keeps_base: bool = False
     ) -> _State | None:
         """Correct the body within the bounds; None: that is not possible."""
-        measured = state.verdict.measured
-        if not parts or measured is None:
+        if not parts:
             return None
+        motion, rows = state.motion, knots(state.motion.times)
+        measured = self._at(state, rows)
         correction = Correction(measured, parts, self._options.keep_hands, keeps_base)
         for _ in range(TRIES):
-            found = correction.find()
+            found = spread(motion, rows, correction.find(), self._joints)
             wrong = _too_far(self._given, found, self._options)
             if not wrong.any():
                 judged = self._checker.check(found)
                 wrong = near(found.times, _worse(self.now.verdict, judged), SPREAD)
                 if not wrong.any():
                     break
-            correction.excluded |= wrong
+            correction.excluded |= wrong[rows]
         else:
             return None
-        return _State(found, judged, intervals(found.times, correction.excluded))
+        left = intervals(found.times[rows], correction.excluded)
+        return _State(found, judged, left)
+
+    def _at(self, state: _State, rows: np.ndarray) -> Measured:
+        """Measure some samples of a motion."""
+        verdict, motion = state.verdict, state.motion
+        if len(rows) < len(motion.times):
+            bases = motion.base_poses
+            some = replace(
+                motion,
+                times=motion.times[rows],
+                positions=motion.positions[rows],
+                velocities=None,
+                base_poses=None if bases is None else bases[rows],
+            )
+            verdict = self._checker.check(some, NEEDED)
+        assert verdict.measured is not None
+        return verdict.measured
 
 
 def _sizes(before: Motion, after: Motion) -> tuple[float, float]:

@@ -1,19 +1,24 @@
-"""Single wrong samples and noise of joints and base, and the height of a motion."""
+"""Single wrong samples, noise, the height of a motion, and what is between samples."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Callable
 
 import numpy as np
 from scipy.fftpack import dct, idct
+from scipy.interpolate import CubicSpline, interp1d
 from scipy.ndimage import median_filter
 from scipy.optimize import minimize_scalar
 
 from g1_description.checks.intervals import runs
 from g1_description.checks.measured import Measured
+from g1_description.mend.body import changed
 from g1_description.motion.edit import moved
 from g1_description.motion.motion import Motion
+from g1_description.robot.description import Joint
+from g1_description.robot.rotation import conjugate, multiply, to_rotation_vector
 from g1_description.robot.transform import IDENTITY
 
 AROUND, MOST = 7, 3
@@ -36,6 +41,56 @@ motions have less than 1."""
 OFF = 0.01
 """A motion is lifted or lowered if its lowest points are this far from the floor in
 half of its samples, in [m]."""
+
+KNOT = 1.0 / 60.0
+"""Distance of samples at which the body is corrected, in [s]: the change of those
+between them is a spline."""
+
+
+def knots(times: np.ndarray) -> np.ndarray:
+    """Choose samples that are a sixtieth of a second apart, if times are nearer."""
+    count = len(times)
+    if count < 2:
+        return np.arange(count)
+    step = max(1.0, (KNOT + 1e-9) // float(np.median(np.diff(times))))
+    number = int(np.ceil((count - 1) / step)) + 1
+    return np.round(np.linspace(0.0, count - 1.0, number)).astype(int)
+
+
+def spread(
+    motion: Motion, rows: np.ndarray, found: Motion, joints: Mapping[str, Joint]
+) -> Motion:
+    """Apply the change of some samples to all of them.
+
+    Args:
+        motion: The motion before.
+        rows: Samples of it, with the first and the last one.
+        found: These samples, changed.
+        joints: The joints, by name: no position is beyond limits that was not.
+    """
+    if len(rows) == len(motion.times):
+        return found
+    was, bases, new = motion.positions[rows], motion.base_poses, found.base_poses
+    places, turns = np.zeros((2, len(rows), 3))
+    if bases is None or new is None:
+        bases = np.tile(IDENTITY, (len(motion.times), 1))
+    else:
+        places = new[:, :3] - bases[rows, :3]
+        turned = multiply(new[:, 3:], conjugate(bases[rows, 3:]))
+        turns = to_rotation_vector(turned)
+    change = np.concatenate([places, turns, found.positions - was], axis=1)
+    spline = CubicSpline(found.times, change)(motion.times)
+    bases, positions = changed(bases, motion.positions, spline)
+    limits = [(joints[name].lower, joints[name].upper) for name in motion.joint_names]
+    line = interp1d(found.times, found.positions, axis=0)(motion.times)
+    lower, upper = np.array(limits).reshape(-1, 2).T
+    positions = positions.clip(np.minimum(lower, line), np.maximum(upper, line))
+    return replace(
+        motion,
+        positions=positions,
+        velocities=None,
+        base_poses=None if new is None else bases,
+    )
 
 
 def on_floor(measured: Measured) -> Motion:
