@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple, Tuple
@@ -96,6 +97,18 @@ def mended(
     Raises:
         G1DescriptionError: If the motion cannot be checked.
     """
+    (found,) = deque(mending_steps(checker, motion, options), maxlen=1)
+    assert isinstance(found, Mended)
+    return found
+
+
+def mending_steps(
+    checker: Checker, motion: Motion, options: MendOptions | None = None
+) -> Iterator[Verdict | Mended]:
+    """Yield the verdict on each better motion on the way to the mended one, and that.
+
+    Args and errors are those of ``mended``.
+    """
     options = options or MendOptions()
     parts = [name for name in FINDINGS if not options.only or name in options.only]
     mending = _Mending(checker.without_physics(), motion, parts, options)
@@ -103,6 +116,7 @@ def mended(
     found: _State | None = mending.now
     while found is not None:
         mending.now = found
+        yield found.verdict
         found = mending.next()
     after, verdict, left = mending.now
     is_free = options.max_change == options.max_base == np.inf
@@ -114,7 +128,7 @@ def mended(
     is_changed = after is not motion
     moved = moved_parts(checker.checked_robot, motion, after) if is_changed else ()
     certificate = Certificate(rows_of(before, verdict), moved, tuple(reasons), falls)
-    return Mended(after, certificate, before, verdict)
+    yield Mended(after, certificate, before, verdict)
 
 
 def _falls(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path, PureWindowsPath
 from typing import Any
@@ -10,7 +10,7 @@ from typing import Any
 from g1_description.checks.verdict import Verdict
 from g1_description.errors import G1DescriptionError, InvalidValueError
 from g1_description.mend.certificate import Certificate
-from g1_description.mend.mending import Mended, mended
+from g1_description.mend.mending import Mended, mending_steps
 from g1_description.mend.options import FINDINGS
 from g1_description.motion.files.formats import contents
 from g1_description.motion.motion import Motion
@@ -96,14 +96,15 @@ class MendButtons:
         self._fix.disabled = True
         self._text.content = "*Fixing ...*"
         motion, scene = self._open[1], self._page.scene_of(self._robot)
-        self._lane.do(partial(self._mended, motion, scene), self._found, "fix")
+        self._lane.go_through(self._steps(motion, scene), self._found, "fix")
 
-    def _mended(self, motion: Motion, scene: Scene | None) -> Mended:
+    def _steps(self, motion: Motion, scene: Scene | None) -> Iterator[Verdict | Mended]:
         """Fix a motion; called by the thread of the lane."""
         try:
             # A checker of its own, as PyBullet is made for one thread.
             checker = self._page.make_checker(self._robot.description)
-            return mended(checker.among(scene) if scene else checker, motion)
+            checker = checker.among(scene) if scene else checker
+            yield from mending_steps(checker, motion)
         except Exception:
             self._page.ui.post(object(), partial(self._fail, motion))
             raise
@@ -114,9 +115,12 @@ class MendButtons:
             self._fix.disabled = False
             self._text.content = "*The motion could not be fixed.*"
 
-    def _found(self, found: Mended) -> None:
-        """Open the fixed motion, and show what was changed."""
+    def _found(self, found: Verdict | Mended) -> None:
+        """Show what still fails, and in the end the fixed motion and its changes."""
         assert self._open is not None
+        if isinstance(found, Verdict):
+            self._text.content = f"*Fixing ... {failed_causes(found)} failures left*"
+            return
         self._fix.visible = False
         name, motion = self._open
         if found.certificate.moved:
