@@ -23,10 +23,9 @@ def fixes(bench):
     for name in MOTIONS:
         read = bench.robot.read_motion(name)
         for way, spoil in WAYS.items():
-            clean = read
             with bench.attempt(f"{name}, {way}"):
-                if spoil is _beyond:
-                    clean = raised(bench.robot, clean, 0.0)
+                is_raised = spoil is _beyond
+                clean = raised(bench.robot, read, 0.0) if is_raised else read
                 random = np.random.default_rng(0)
                 spoilt = spoil(bench.robot, read, random)
                 begin = time.process_time()

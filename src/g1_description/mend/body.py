@@ -108,8 +108,6 @@ class Change:
         """
         square, diagonal = weights**2, np.arange(self.size)
         count = len(done)
-        if count < 3:
-            return
         parts = np.zeros((3, count))
         parts[0, :-2] += 1.0
         parts[0, 1:-1] += 4.0

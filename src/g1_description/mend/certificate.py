@@ -32,11 +32,6 @@ class Row:
 
     unit: str
 
-    @property
-    def has_more_failures(self) -> bool:
-        """Whether there are more failures after than before."""
-        return self.failures[1] > self.failures[0]
-
 
 @dataclass(frozen=True)
 class Moved:

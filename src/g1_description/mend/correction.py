@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from g1_description.checks.intervals import intervals, near
-from g1_description.checks.measured import CheckedRobot, Measured
+from g1_description.checks.measured import Measured
 from g1_description.checks.support import nearest_point, support_margin, support_polygon
 from g1_description.mend.body import N_BASE, Change, changed
 from g1_description.mend.contacts import LOW, placed_points, stances
@@ -99,7 +99,7 @@ class Correction:
         """Find what has to be corrected.
 
         Args:
-            measured: The motion, with ground, balance and self-collisions.
+            measured: The motion, with ground and balance.
             parts: What is corrected, of ``feet``, ``limits``, ``collisions``, ``speed``
                 and ``balance``.
             keeps_hands: Whether the ends of arms keep their paths.
@@ -109,7 +109,7 @@ class Correction:
         if keeps_base:
             self._place, self._smoothness[0] = KEPT, KEPT_SMOOTH
         self._measured, self._parts = measured, parts
-        self._robot: CheckedRobot = measured.robot
+        self._robot = measured.robot
         motion = measured.motion
         self._times = motion.times
         self._bases, self._positions = measured.at(motion.times)[:2]
@@ -233,10 +233,6 @@ class Correction:
         own = np.repeat(self._smoothness, [2, 1, 3, len(self._moved)])
         return np.asarray(1.0 / (own * step**2))
 
-    def _active(self, rows: slice, mask: np.ndarray) -> np.ndarray:
-        """Return the samples of a piece at which something is corrected."""
-        return np.flatnonzero(mask[rows] & ~self.excluded[rows])
-
     def _add_feet(self, change: Change, placed: Jacobians, rows: slice) -> None:
         """Keep feet where they stand, at the height of the floor."""
         floor = self._robot.thresholds.floor_height
@@ -262,14 +258,12 @@ class Correction:
             due = stands | alone | low
             for number, point in enumerate(np.swapaxes(points, 0, 1)):
                 at = np.flatnonzero(due[:, number])
-                near = np.where(alone[at, number], ALONE, HEIGHT)
-                away = (heights - goal)[at, number] / near
-                if len(at):
-                    links = np.full(len(at), one.link)
-                    up = placed.of_each(at, links, point[at])[:, 2:]
-                    change.add(
-                        at, up / near[:, np.newaxis, np.newaxis], away[:, np.newaxis]
-                    )
+                tolerance = np.where(alone[at, number], ALONE, HEIGHT)
+                away = (heights - goal)[at, number] / tolerance
+                links = np.full(len(at), one.link)
+                up = placed.of_each(at, links, point[at])[:, 2:]
+                up = up / tolerance[:, np.newaxis, np.newaxis]
+                change.add(at, up, away[:, np.newaxis])
                 at = np.flatnonzero(still[:, number])
                 self._add_steps(change, placed, one.link, at, point, LOCK)
                 if rows.start == 0 and stands[0, number]:
@@ -292,8 +286,6 @@ class Correction:
         before: np.ndarray | None = None,
     ) -> None:
         """Keep a point of a link where it is, or let it move as before."""
-        if len(at) < 2:
-            return
         first = np.flatnonzero(np.diff(at) == 1)
         jacobian = placed.of_each(at, np.full(len(at), link), points[at])
         flat = jacobian[:, :2] / tolerance
@@ -314,7 +306,7 @@ class Correction:
         away = (now - nearest)[at, column]
         own = unit[column][:, np.newaxis] / BOUND
         change.add(at, own, away[:, np.newaxis] / BOUND)
-        if "speed" in self._parts and len(now) > 1:
+        if "speed" in self._parts:
             fastest = np.array([joint.velocity or np.inf for joint in joints])
             steps = np.diff(now, axis=0)
             most = SPEED * fastest * np.diff(self._times[rows])[:, np.newaxis]
@@ -328,8 +320,6 @@ class Correction:
 
     def _add_accelerations(self, change: Change, now: np.ndarray, rows: slice) -> None:
         """Bring joints below their largest accelerations."""
-        if len(now) < 3:
-            return
         names = tuple(joint.name for joint in self._robot.joints)
         most = SPEED * self._robot.thresholds.acceleration_bounds.of(names)
         gaps = np.diff(self._times[rows])[:, np.newaxis]
@@ -381,7 +371,7 @@ class Correction:
 
     def _add_centers(self, change: Change, placed: Jacobians, rows: slice) -> None:
         """Move the centre of mass over the feet where the robot stands still."""
-        at = self._active(rows, self._tips)
+        at = np.flatnonzero(self._tips[rows] & ~self.excluded[rows])
         if "balance" not in self._parts or not len(at):
             return
         masses = self._robot.masses
@@ -421,8 +411,6 @@ class Correction:
 
     def _add_hands(self, change: Change, placed: Jacobians, rows: slice) -> None:
         """Keep hands on their paths, with their rotations."""
-        if not self._hands:
-            return
         at = np.arange(len(placed.link_poses))
         for link in self._hands:
             now = placed_points(placed.link_poses[:, link], PALM)

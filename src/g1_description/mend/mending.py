@@ -44,7 +44,7 @@ LARGER = 1.1
 NEEDED = ("skating", "center_of_mass")
 """Checks that measure what corrections need: the ground and balance."""
 
-SPREAD = 0.4
+WIDE = 0.4
 """Nothing is corrected as near to a place that would change too far, in [s]."""
 
 TRIES = 3
@@ -97,7 +97,7 @@ def mended(
     Raises:
         G1DescriptionError: If the motion cannot be checked.
     """
-    (found,) = deque(mending_steps(checker, motion, options), maxlen=1)
+    found = deque(mending_steps(checker, motion, options), maxlen=1).pop()
     assert isinstance(found, Mended)
     return found
 
@@ -105,7 +105,7 @@ def mended(
 def mending_steps(
     checker: Checker, motion: Motion, options: MendOptions | None = None
 ) -> Iterator[Verdict | Mended]:
-    """Yield the verdict on each better motion on the way to the mended one, and that.
+    """Yield the verdict on the motion and on each better one, and then the outcome.
 
     Args and errors are those of ``mended``.
     """
@@ -171,8 +171,6 @@ class _Mending:
     ) -> None:
         self._checker, self._parts, self._options = checker, parts, options
         self._given = given
-        joints = checker.checked_robot.joints
-        self._joints = {joint.name: joint for joint in joints}
         self.now = _State(given, checker.check(given), ())
         self._first = self.now.verdict
 
@@ -227,7 +225,8 @@ class _Mending:
         """Return whether a change is kept."""
         for before in (self._first, self.now.verdict):
             if _worse(before, found.verdict) or any(
-                row.has_more_failures for row in rows_of(before, found.verdict)
+                row.failures[1] > row.failures[0]
+                for row in rows_of(before, found.verdict)
             ):
                 return False
         gain = _score(self.now.verdict) - _score(found.verdict)
@@ -250,14 +249,16 @@ class _Mending:
         if not parts:
             return None
         motion, rows = state.motion, knots(state.motion.times)
+        if parts == ("speed",):  # what is fast for less than the distance of knots
+            rows = np.arange(len(motion.times))
         measured = self._at(state, rows)
         correction = Correction(measured, parts, self._options.keep_hands, keeps_base)
         for _ in range(TRIES):
-            found = spread(motion, rows, correction.find(), self._joints)
+            found = spread(motion, rows, correction.find(), measured.joints)
             wrong = _too_far(self._given, found, self._options)
             if not wrong.any():
                 judged = self._checker.check(found)
-                wrong = near(found.times, _worse(self.now.verdict, judged), SPREAD)
+                wrong = near(found.times, _worse(self.now.verdict, judged), WIDE)
                 if not wrong.any():
                     break
             correction.excluded |= wrong[rows]
@@ -270,14 +271,7 @@ class _Mending:
         """Measure some samples of a motion."""
         verdict, motion = state.verdict, state.motion
         if len(rows) < len(motion.times):
-            bases = motion.base_poses
-            some = replace(
-                motion,
-                times=motion.times[rows],
-                positions=motion.positions[rows],
-                velocities=None,
-                base_poses=None if bases is None else bases[rows],
-            )
+            some = replace(motion, velocities=None).sampled(motion.times[rows])
             verdict = self._checker.check(some, NEEDED)
         assert verdict.measured is not None
         return verdict.measured
@@ -307,7 +301,7 @@ def _bounded(
 def _too_far(motion: Motion, found: Motion, options: MendOptions) -> np.ndarray:
     """Mark the samples near those that change more than allowed, shape (n,)."""
     far = _far(motion, found, options)
-    return near(motion.times, intervals(motion.times, far), SPREAD)
+    return near(motion.times, intervals(motion.times, far), WIDE)
 
 
 def _far(motion: Motion, found: Motion, options: MendOptions) -> np.ndarray:

@@ -1,8 +1,8 @@
-"""Single wrong samples, noise, the height of a motion, and what is between samples."""
+"""Single wrong samples, noise, the height of a motion, and which samples are solved."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Callable
 
@@ -48,17 +48,16 @@ between them is a spline."""
 
 
 def knots(times: np.ndarray) -> np.ndarray:
-    """Choose samples that are a sixtieth of a second apart, if times are nearer."""
-    count = len(times)
-    if count < 2:
-        return np.arange(count)
-    step = max(1.0, (KNOT + 1e-9) // float(np.median(np.diff(times))))
-    number = int(np.ceil((count - 1) / step)) + 1
-    return np.round(np.linspace(0.0, count - 1.0, number)).astype(int)
+    """Choose samples, at most a sixtieth of a second apart where times are nearer."""
+    rows, last = [0], len(times) - 1
+    for row in range(1, len(times)):
+        if row == last or times[row + 1] - times[rows[-1]] > KNOT + 1e-9:
+            rows.append(row)
+    return np.array(rows)
 
 
 def spread(
-    motion: Motion, rows: np.ndarray, found: Motion, joints: Mapping[str, Joint]
+    motion: Motion, rows: np.ndarray, found: Motion, joints: Sequence[Joint]
 ) -> Motion:
     """Apply the change of some samples to all of them.
 
@@ -66,7 +65,7 @@ def spread(
         motion: The motion before.
         rows: Samples of it, with the first and the last one.
         found: These samples, changed.
-        joints: The joints, by name: no position is beyond limits that was not.
+        joints: Those of the motion, which stay within limits where ``found`` does.
     """
     if len(rows) == len(motion.times):
         return found
@@ -81,10 +80,11 @@ def spread(
     change = np.concatenate([places, turns, found.positions - was], axis=1)
     spline = CubicSpline(found.times, change)(motion.times)
     bases, positions = changed(bases, motion.positions, spline)
-    limits = [(joints[name].lower, joints[name].upper) for name in motion.joint_names]
-    line = interp1d(found.times, found.positions, axis=0)(motion.times)
+    limits = [(joint.lower, joint.upper) for joint in joints]
     lower, upper = np.array(limits).reshape(-1, 2).T
-    positions = positions.clip(np.minimum(lower, line), np.maximum(upper, line))
+    beyond = found.positions != found.positions.clip(lower, upper)
+    stays = interp1d(found.times, beyond.astype(float), axis=0)(motion.times) > 0.0
+    positions = np.where(stays, positions, positions.clip(lower, upper))
     return replace(
         motion,
         positions=positions,

@@ -119,7 +119,7 @@ class MendButtons:
         """Show what still fails, and in the end the fixed motion and its changes."""
         assert self._open is not None
         if isinstance(found, Verdict):
-            self._text.content = f"*Fixing ... {failed_causes(found)} failures left*"
+            self._text.content = f"*Fixing ... failures left: {failed_causes(found)}*"
             return
         self._fix.visible = False
         name, motion = self._open

@@ -119,6 +119,7 @@ class Lane:
         while True:
             work = self._waiting.get()
             self._ui.guarded(partial(self._go, work))
+            del work  # with all that it holds, while it waits for the next one
             self._waiting.task_done()
             self._ui.new.set()
 
