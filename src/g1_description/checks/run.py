@@ -93,8 +93,12 @@ class Run:
 
     @property
     def errors(self) -> np.ndarray:
-        """Return positions minus commands in [rad] or [m], shape (n, m)."""
-        return np.asarray(self.states.positions[:, self._columns] - self.desired)
+        """Return positions minus commands within limits, in [rad] or [m], (n, m)."""
+        limits = [(joint.lower, joint.upper) for joint in self.joints]
+        lower, upper = np.array(limits).reshape(-1, 2).T
+        return np.asarray(
+            self.states.positions[:, self._columns] - self.desired.clip(lower, upper)
+        )
 
     @property
     def held(self) -> np.ndarray:
