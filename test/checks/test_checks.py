@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
+from g1_description import Robot
 from g1_description.checks.checker import Checker
 from g1_description.checks.thresholds import Level, Thresholds
 from g1_description.checks.thresholds_file import with_thresholds
@@ -361,6 +362,18 @@ def test_a_robot_that_slides_low_above_the_floor_is_found(height):
     base[:, 2] += height
     verdict = check(motion(standing(), base, lift=False), only=["skating"])
     assert "skating" in {finding.check for finding in verdict.findings}
+
+
+def test_velocities_of_joints_let_no_standing_foot_skate():
+    """Those of a file are of a sample, those of the base are means to the next one."""
+    model = Robot()
+    squat = model.read_motion("squat.csv").at_speed(3.0)
+    rates = np.gradient(squat.positions, squat.times, axis=0)
+    slides = [
+        model.check(replace(squat, velocities=one)).measured.ground.slide
+        for one in (None, rates)
+    ]
+    np.testing.assert_allclose(slides[1], slides[0])
 
 
 def test_which_corner_of_a_sole_is_the_lowest_does_not_matter():

@@ -166,6 +166,17 @@ def test_samples_between_those_that_are_solved_for_are_changed_as_well():
     assert found.after.findings == ()
 
 
+def test_velocities_stay_those_of_the_positions():
+    spoilt = faults.WAYS["drifting"](ROBOT, ROBOT.read_motion("squat.csv"), None)
+    rates = np.gradient(spoilt.positions, spoilt.times, axis=0)
+    found = ROBOT.mended(replace(spoilt, velocities=rates)).motion
+    np.testing.assert_allclose(
+        found.positions, ROBOT.mended(spoilt).motion.positions, atol=1e-9
+    )
+    rates = np.gradient(found.positions, found.times, axis=0)
+    np.testing.assert_allclose(found.velocities, rates, atol=1e-9)
+
+
 @pytest.mark.parametrize("way", ["drifting", "sliding 0.25 m"])
 def test_faults_that_hide_each_other_are_mended_together(way):
     clean = ROBOT.read_motion("step_in_place.csv")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, Callable, TypeVar, Union
 
@@ -265,14 +266,15 @@ class Measured:
 
         Returns:
             Root poses, shape (m, 7), all joints' positions, shape (m, n_joints), root
-            twists, shape (m, 6), and all joints' velocities, shape (m, n_joints).
-            Joints missing from the motion are at zero, a missing base is at the map's
-            origin.
+            twists, shape (m, 6), and all joints' velocities, shape (m, n_joints), both
+            means to the next sample. Joints missing from the motion are at zero, a
+            missing base is at the map's origin.
         """
         found = sample(self.motion, times)
+        means = sample(replace(self.motion, velocities=None), times).velocities
         positions = np.zeros((2, len(times), len(self.robot.joints)))
         positions[0][:, self._columns] = found.positions
-        positions[1][:, self._columns] = found.velocities
+        positions[1][:, self._columns] = means
         poses, twists = _base_of(found, len(times))
         if self.robot.T_base_root is not IDENTITY:
             roots = compose(poses, self.robot.T_base_root)

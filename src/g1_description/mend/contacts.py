@@ -25,6 +25,10 @@ MOMENT, NEAR = 0.5, 0.04
 """A robot that has no contact for less than this time in [s], and a link as near to the
 floor, in [m], stands on it."""
 
+BRIEF = 0.06
+"""What a foot does is dropped if it did and does something else this time apart, in
+[s]."""
+
 MOST_POINTS = 12
 """Most points of a link that are looked at: those that are the lowest most often."""
 
@@ -111,11 +115,22 @@ def stances(measured: Measured) -> list[Stance]:
             slow = rests & (speeds[:, column] < SLOW)
             still |= slow & (np.abs(lowest - level) < BARELY / 2)
             level = np.interp(times, times[still], lowest[still])
+        still = ~_lasting(~still, times)
         stands = still[:, np.newaxis] & (offsets < FLAT)
-        lifts = drags[:, column] | (~still & (speeds[:, column] > SLOW))
+        fast = speeds[:, column] > SLOW
+        lifts = _lasting(~still & (drags[:, column] | fast), times)
         moves = (heights - level[:, np.newaxis] < BARELY) & ~stands
         given = link, points, radii, stands, lifts, moves, level, offsets
         found.append(Stance(*given))
+    return found
+
+
+def _lasting(mask: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Drop what is over in a moment: lowest points jump from one corner to another."""
+    found = mask.copy()
+    for first, last in runs(mask):
+        if first > 0 and last < len(times) - 1:
+            found[first : last + 1] = times[last + 1] - times[first - 1] > BRIEF
     return found
 
 

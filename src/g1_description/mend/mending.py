@@ -44,11 +44,9 @@ LARGER = 1.1
 NEEDED = ("skating", "center_of_mass")
 """Checks that measure what corrections need: the ground and balance."""
 
-WIDE = 0.4
-"""Nothing is corrected as near to a place that would change too far, in [s]."""
-
-TRIES = 3
-"""Times that a correction is tried with more places left alone."""
+WIDTHS = (0.2, 0.4, 0.8)
+"""Nothing is corrected this near to where the first, second and third try changed too
+much or made something worse, in [s]."""
 
 AWAY = 0.01
 """The base keeps near its path if it would else be this far from it, rms in [m]."""
@@ -223,14 +221,18 @@ class _Mending:
 
     def _is_better(self, found: _State, part: str = "") -> bool:
         """Return whether a change is kept."""
+        if self._worse_at(found.verdict):
+            return False
         for before in (self._first, self.now.verdict):
-            if _worse(before, found.verdict) or any(
-                row.failures[1] > row.failures[0]
-                for row in rows_of(before, found.verdict)
-            ):
+            rows = rows_of(before, found.verdict)
+            if any(row.failures[1] > row.failures[0] for row in rows):
                 return False
         gain = _score(self.now.verdict) - _score(found.verdict)
         return gain > (LEAST if part == "noise" else LESS)
+
+    def _worse_at(self, verdict: Verdict) -> list[Span]:
+        """List the intervals of failures that were not there, or were smaller."""
+        return _worse(self._first, verdict) + _worse(self.now.verdict, verdict)
 
     def _filtered(self, state: _State, part: str) -> _State | None:
         """Change samples within the bounds; None: no change."""
@@ -240,6 +242,7 @@ class _Mending:
         if found is state.motion:
             return None
         found = _bounded(self._given, state.motion, found, self._options)
+        found = _with_velocities(state.motion, found)
         return _State(found, self._checker.check(found), state.left)
 
     def _corrected(
@@ -253,15 +256,17 @@ class _Mending:
             rows = np.arange(len(motion.times))
         measured = self._at(state, rows)
         correction = Correction(measured, parts, self._options.keep_hands, keeps_base)
-        for _ in range(TRIES):
+        for width in WIDTHS:
             found = spread(motion, rows, correction.find(), measured.joints)
-            wrong = _too_far(self._given, found, self._options)
-            if not wrong.any():
+            found = _with_velocities(motion, found)
+            far = _far(self._given, found, self._options)
+            wrong = [*intervals(found.times, far)]
+            if not wrong:
                 judged = self._checker.check(found)
-                wrong = near(found.times, _worse(self.now.verdict, judged), WIDE)
-                if not wrong.any():
+                wrong = self._worse_at(judged)
+                if not wrong:
                     break
-            correction.excluded |= wrong[rows]
+            correction.excluded |= near(found.times, wrong, width)[rows]
         else:
             return None
         left = intervals(found.times[rows], correction.excluded)
@@ -275,6 +280,15 @@ class _Mending:
             verdict = self._checker.check(some, NEEDED)
         assert verdict.measured is not None
         return verdict.measured
+
+
+def _with_velocities(before: Motion, after: Motion) -> Motion:
+    """Change known velocities by the rates of the changes of positions."""
+    rates = before.velocities
+    if rates is not None and len(before.times) > 1:
+        change = after.positions - before.positions
+        rates = rates + np.gradient(change, before.times, axis=0)
+    return replace(after, velocities=rates)
 
 
 def _sizes(before: Motion, after: Motion) -> tuple[float, float]:
@@ -296,12 +310,6 @@ def _bounded(
         bases = np.where(far, motion.base_poses, bases)
     positions = np.where(far, motion.positions, found.positions)
     return replace(found, positions=positions, base_poses=bases)
-
-
-def _too_far(motion: Motion, found: Motion, options: MendOptions) -> np.ndarray:
-    """Mark the samples near those that change more than allowed, shape (n,)."""
-    far = _far(motion, found, options)
-    return near(motion.times, intervals(motion.times, far), WIDE)
 
 
 def _far(motion: Motion, found: Motion, options: MendOptions) -> np.ndarray:
