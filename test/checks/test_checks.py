@@ -364,6 +364,15 @@ def test_a_robot_that_slides_low_above_the_floor_is_found(height):
     assert "skating" in {finding.check for finding in verdict.findings}
 
 
+def test_feet_in_the_floor_are_found_however_short_the_motion():
+    model = Robot()
+    squat = model.read_motion("squat.csv")
+    sunk = replace(squat, base_poses=squat.base_poses - 0.02 * np.eye(7)[2])
+    for count in (1, 2, 3):
+        found = model.check(sunk.sampled(squat.times[:count])).findings
+        assert {finding.check for finding in found} == {"penetration"}
+
+
 def test_velocities_of_joints_let_no_standing_foot_skate():
     """Those of a file are of a sample, those of the base are means to the next one."""
     model = Robot()

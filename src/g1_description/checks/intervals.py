@@ -38,7 +38,7 @@ def intervals(times: np.ndarray, mask: np.ndarray) -> tuple[tuple[float, float],
 
 
 def without_short(times: np.ndarray, mask: np.ndarray, shortest: float) -> np.ndarray:
-    """Remove the intervals that are shorter than a time.
+    """Remove the intervals that are shorter than a time, but not one of all samples.
 
     Args:
         times: Times of the samples in [s], rising, shape (n_samples,).
@@ -47,7 +47,8 @@ def without_short(times: np.ndarray, mask: np.ndarray, shortest: float) -> np.nd
     """
     kept = mask.copy()
     for first, last in runs(mask):
-        if times[last] - times[first] < shortest:
+        is_part = last - first < len(times) - 1
+        if is_part and times[last] - times[first] < shortest:
             kept[first : last + 1] = False
     return kept
 
