@@ -59,7 +59,7 @@ EARLY = 0.1
 """A change is not kept if the simulated robot falls this much earlier, in [s]."""
 
 SLOWER = "only slower or other movements need less"
-STAYS = "no small change was found that removes this and makes nothing else worse"
+STAYS = "no small change was found that removes this"
 BEYOND = "no change within the bounds was found that removes this"
 """Why efforts stay, and other failures without bounds of changes and with them."""
 
@@ -118,7 +118,16 @@ def mending_steps(
         found = mending.next()
     after, verdict, left = mending.now
     is_free = options.max_change == options.max_base == np.inf
-    reasons = [*_reasons(verdict, parts, left, is_free)]
+    why = STAYS if is_free else BEYOND
+    if mending.worse:
+        why += f" and makes nothing else worse, such as {listed(sorted(mending.worse))}"
+    reasons = [*_reasons(verdict, parts, why)]
+    if left:
+        spans = listed([f"{begin:.2f} to {end:.2f} s" for begin, end in left])
+        far = "" if is_free else "are larger than allowed, or "
+        reasons.append(
+            f"{spans}: left alone, as changes there {far}make other findings worse"
+        )
     falls = _falls(checker, motion, after)
     if falls and _or_never(falls[1]) < _or_never(falls[0]) - EARLY:
         reasons = [f"with changes the simulated robot falls at {falls[1]:.2f} s"]
@@ -171,6 +180,8 @@ class _Mending:
         self._given = given
         self.now = _State(given, checker.check(given), ())
         self._first = self.now.verdict
+        self.worse: set[str] = set()
+        """Checks that changes made worse which were not kept since the last one."""
 
     def next(self) -> _State | None:
         """Return a better motion; None if there is none.
@@ -178,6 +189,7 @@ class _Mending:
         Samples are tried first, with what they uncover in the body; then all of the
         body, and each of its parts; then samples that are only better with the body.
         """
+        self.worse.clear()
         filtered, better = self.now, None
         for name in self._due(self.now):
             if name in SAMPLES:
@@ -232,7 +244,9 @@ class _Mending:
 
     def _worse_at(self, verdict: Verdict) -> list[Span]:
         """List the intervals of failures that were not there, or were smaller."""
-        return _worse(self._first, verdict) + _worse(self.now.verdict, verdict)
+        found = [*_worse(self._first, verdict), *_worse(self.now.verdict, verdict)]
+        self.worse |= {finding.check for finding in found}
+        return [span for finding in found for span in finding.intervals]
 
     def _filtered(self, state: _State, part: str) -> _State | None:
         """Change samples within the bounds; None: no change."""
@@ -322,19 +336,18 @@ def _far(motion: Motion, found: Motion, options: MendOptions) -> np.ndarray:
     return np.asarray(far)
 
 
-def _worse(before: Verdict, after: Verdict) -> list[Span]:
-    """List the intervals of failures that are new or larger."""
+def _worse(before: Verdict, after: Verdict) -> list[Finding]:
+    """List the failures that are new or larger."""
     worst: dict[tuple[str, tuple[str, ...]], float] = {}
     for finding in before.findings:
         if finding.severity == FAILED:
             key = finding.check, finding.subject
             worst[key] = max(_size(finding), worst.get(key, 0.0))
     return [
-        span
+        finding
         for finding in after.findings
         if finding.severity == FAILED
         and _size(finding) > LARGER * worst.get((finding.check, finding.subject), 0.0)
-        for span in finding.intervals
     ]
 
 
@@ -352,16 +365,9 @@ def _score(verdict: Verdict) -> float:
     return float(np.dot(weights, sizes))
 
 
-def _reasons(
-    verdict: Verdict, parts: Collection[str], left: Collection[Span], is_free: bool
-) -> Iterator[str]:
-    """Say why failures stay that could have been mended, and what was left alone."""
-    why = STAYS if is_free else BEYOND
+def _reasons(verdict: Verdict, parts: Collection[str], why: str) -> Iterator[str]:
+    """Say why failures stay that could have been mended."""
     known = {check for name in parts for check in FINDINGS[name]}
     for finding in verdict.findings:
         if finding.severity == FAILED and finding.check in known:
             yield f"{finding.text}: {SLOWER if finding.check == 'effort' else why}"
-    if left:
-        spans = listed([f"{begin:.2f} to {end:.2f} s" for begin, end in left])
-        far = "" if is_free else "are larger than allowed, or "
-        yield f"{spans}: left alone, as changes there {far}make other findings worse"
