@@ -177,6 +177,18 @@ def test_velocities_stay_those_of_the_positions():
     np.testing.assert_allclose(found.velocities, rates, atol=1e-9)
 
 
+def test_what_feet_do_on_the_floor_is_found_once_they_are_there():
+    """In the air nothing slides: the slide is a new failure."""
+    spoilt = faults.WAYS["sliding 0.25 m"](ROBOT, ROBOT.read_motion("squat.csv"), None)
+    low = replace(spoilt, base_poses=spoilt.base_poses - 0.8 * np.eye(7)[2])
+    found = ROBOT.mended(low, only=["floor"])
+    assert "skating" in {finding.check for finding in found.after.findings}
+    before, after = found.certificate.failures
+    assert after < before
+    row = next(row for row in found.certificate.rows if row.check == "penetration")
+    assert row.failures[0] > row.failures[1] == 0
+
+
 @pytest.mark.parametrize("way", ["drifting", "sliding 0.25 m"])
 def test_faults_that_hide_each_other_are_mended_together(way):
     clean = ROBOT.read_motion("step_in_place.csv")

@@ -110,7 +110,7 @@ def mending_steps(
     options = options or MendOptions()
     parts = [name for name in FINDINGS if not options.only or name in options.only]
     mending = _Mending(checker.without_physics(), motion, parts, options)
-    before = mending.now.verdict
+    before = mending.before
     found: _State | None = mending.now
     while found is not None:
         mending.now = found
@@ -179,9 +179,22 @@ class _Mending:
         self._checker, self._parts, self._options = checker, parts, options
         self._given = given
         self.now = _State(given, checker.check(given), ())
+        self.before = self.now.verdict
+        self._lower()
         self._first = self.now.verdict
         self.worse: set[str] = set()
         """Checks that changes made worse which were not kept since the last one."""
+
+    def _lower(self) -> None:
+        """Put the motion on the floor; what feet do there is only known then."""
+        if "floor" in self._due(self.now):
+            found = self._filtered(self.now, "floor")
+            failures = [
+                sum(one.severity == FAILED for one in state.verdict.findings)
+                for state in (self.now, found or self.now)
+            ]
+            if found and failures[1] < failures[0]:
+                self.now = found
 
     def next(self) -> _State | None:
         """Return a better motion; None if there is none.
