@@ -121,6 +121,18 @@ def test_the_zero_moment_point_is_kept_inside_where_that_is_needed(g1, hands):
         g1.ik({"left_hand": targets["left_hand"][0]}, standing, BASE, balance="zmp")
 
 
+def test_a_hand_that_goes_too_far_is_as_near_as_balance_lets_it(g1, hands):
+    standing, times, _ = hands
+    times = 2.0 * times / times[-1]
+    far = np.stack([0.35 + 0.4 * times, 0.25 + 0.0 * times, 1.0 + 0.0 * times], 1)
+    path = g1.ik_trajectory(times, {"left_hand": far}, standing, BASE, balance="zmp")
+    errors = [one.errors["left_hand"].position for one in path.results]
+    assert errors[0] < 0.2
+    assert errors[-1] < 0.6  # three times as far if it stood still
+    for foot in ("left_foot", "right_foot"):
+        assert max(one.errors[foot].position for one in path.results) < 2e-3
+
+
 def test_hands_that_would_go_through_the_robot_give_way(g1, hands):
     standing, times, _ = hands
     times = times[:40]

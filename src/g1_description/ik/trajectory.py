@@ -97,10 +97,14 @@ DIFFERENT = 0.3
 """Difference in a joint from which on a configuration is another one, likewise."""
 
 REPEATS = 4
-"""Most repeats with limits where they were exceeded; the last one begins at rest."""
+"""Most repeats with limits where they were exceeded. The last one begins within them,
+and again at rest if that does not help."""
 
 DEEP = 5e-3
 """Excess over a limit that makes the last repeat necessary, in [m]."""
+
+NEARER = (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1)
+"""Shares of a trajectory, to standing still, with which the last repeat may begin."""
 
 FINE = 0.3
 """Fraction of the tolerance at which steps end."""
@@ -190,25 +194,36 @@ class Trajectory:
         periods = np.floor((times - times[0]) / PERIOD)
         if found.badness > 1.0:
             self._steps_left = min(self._steps_left, LAST_STEPS)
-        is_last = False
-        for repeat in range(REPEATS + 1):
+        begins: list[np.ndarray] | None = None
+        for repeat in range(REPEATS + 2):
             samples = self._linearizations(found)
             excesses = np.array([sample.excesses for sample in samples])
             is_late = repeat >= REPEATS - 1 or not self._steps_left
             least = DEEP if is_late else TOLERANCE[0]
             beyond = np.flatnonzero((excesses > least).any(axis=1))
             is_within = not len(beyond) and not self._splines.turns_too_fast(found.view)
-            if is_within or is_last:
+            if is_within or begins == []:
                 break
             near = np.flatnonzero(np.isin(periods, periods[beyond]))
-            begin, is_last = found.view.control, is_late
-            if is_last:
+            begin = found.view.control
+            if is_late:
                 self._steps_left = LAST_STEPS
-                if len(beyond):
-                    near, begin = self._splines.rows(0.5 * PERIOD), self._still
+                if begins is None:
+                    begins = [self._still, self._within(begin)] if len(beyond) else []
+                if begins:
+                    near, begin = self._splines.rows(0.5 * PERIOD), begins.pop()
             self._limited = np.union1d(self._limited, near)
             found = self.improved(self._state(begin))
         return found, samples
+
+    def _within(self, control: np.ndarray) -> np.ndarray:
+        """Move control points towards standing still, until limits are kept."""
+        for share in NEARER:
+            moved = self._still + share * (control - self._still)
+            samples = self._linearizations(self._state(moved))
+            if max(max(sample.excesses, default=0.0) for sample in samples) < DEEP:
+                return moved
+        return self._still
 
     def _best(self) -> Candidate:
         """Search from the nearest configuration, and from another one if that misses.
