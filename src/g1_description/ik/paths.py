@@ -219,6 +219,9 @@ class PathKinematics(InverseKinematics):
             near = np.flatnonzero(np.abs(times - times[largest]) <= AROUND)
             reason = self._reason(search_, found, views, near)
             reason += self._excesses(times, views)
+            reason = reason.lstrip() or (
+                "No limit is reached there: it is out of reach, or changes too quickly."
+            )
         path = IkPath(self._motion(times, results), tuple(results), reason)
         return path, Course(times, found.view.jacobians.link_poses)
 
@@ -229,7 +232,7 @@ class PathKinematics(InverseKinematics):
         views: Sequence[Linearization],
         rows: np.ndarray,
     ) -> str:
-        """Describe which bounds and limits are reached at some samples."""
+        """Describe which bounds and limits are reached at some samples, if any."""
         names = [*6 * ["the base"], *self._names]
         phrases = [
             f"{names[column]} is at its {KINDS_OF_BOUNDS[order]}"
@@ -237,13 +240,11 @@ class PathKinematics(InverseKinematics):
         ]
         for view in (views[row] for row in rows):
             for limit, (_, room) in zip(view.bounds.limits, view.approaches):
-                if room.min(initial=np.inf) < TOLERANCE[0]:
+                if abs(room.min(initial=np.inf)) < TOLERANCE[0]:  # else it is exceeded
                     near = [*self._at_objects(limit, view)]
                     phrases = near + phrases if near else [*phrases, limit_name(limit)]
         if not phrases:
-            return (
-                "No limit is reached there: it is out of reach, or changes too quickly."
-            )
+            return ""
         return f"There {listed([*dict.fromkeys(phrases)][:MAX_REASONS])}."
 
     def _excesses(self, times: np.ndarray, views: Sequence[Linearization]) -> str:
