@@ -89,6 +89,15 @@ def test_hands_keep_their_paths_if_they_should():
     assert moved["left_ankle_roll_link"] > 0.03
 
 
+def test_noise_at_a_limit_is_smoothed_within_it():
+    clean = faults.raised(ROBOT, ROBOT.read_motion("squat.csv"), 0.0)
+    noisy = faults.WAYS["noise of 5 mrad"](ROBOT, clean, np.random.default_rng(0))
+    clamped = replace(noisy, positions=noisy.positions.clip(ROBOT.lower, ROBOT.upper))
+    found = ROBOT.mended(clamped, only=["noise"])
+    assert found.certificate.moved
+    assert (found.motion.positions <= ROBOT.upper).all()
+
+
 def test_wrong_samples_within_the_bounds_are_mended_and_farther_ones_stay():
     spoilt = ROBOT.read_motion("squat.csv")
     spoilt.positions[50, 20] += 0.3

@@ -80,8 +80,7 @@ def spread(
     change = np.concatenate([places, turns, found.positions - was], axis=1)
     spline = CubicSpline(found.times, change)(motion.times)
     bases, positions = changed(bases, motion.positions, spline)
-    limits = [(joint.lower, joint.upper) for joint in joints]
-    lower, upper = np.array(limits).reshape(-1, 2).T
+    lower, upper = _limits(joints)
     beyond = found.positions != found.positions.clip(lower, upper)
     stays = interp1d(found.times, beyond.astype(float), axis=0)(motion.times) > 0.0
     positions = np.where(stays, positions, positions.clip(lower, upper))
@@ -91,6 +90,12 @@ def spread(
         velocities=None,
         base_poses=None if new is None else bases,
     )
+
+
+def _limits(joints: Sequence[Joint]) -> np.ndarray:
+    """Return lower and upper limits, shape (2, n)."""
+    limits = [(joint.lower, joint.upper) for joint in joints]
+    return np.array(limits).reshape(-1, 2).T
 
 
 def on_floor(measured: Measured) -> Motion:
@@ -106,7 +111,7 @@ def on_floor(measured: Measured) -> Motion:
 
 def without_outliers(measured: Measured) -> Motion:
     """Replace single wrong samples by the straight line between their neighbours."""
-    return _each(measured.motion, _without_outliers, (OUTLIER, OUTLIER_PLACE, OUTLIER))
+    return _each(measured, _without_outliers, (OUTLIER, OUTLIER_PLACE, OUTLIER))
 
 
 def without_noise(measured: Measured) -> Motion:
@@ -115,7 +120,7 @@ def without_noise(measured: Measured) -> Motion:
     Smoothing by cosines with generalized cross-validation, which has no lag. Source:
     Garcia, Computational Statistics & Data Analysis 54, 2010.
     """
-    return _each(measured.motion, _without_noise, (NOISE, NOISE_PLACE, NOISE))
+    return _each(measured, _without_noise, (NOISE, NOISE_PLACE, NOISE))
 
 
 Filter = Callable[[np.ndarray, np.ndarray, float], np.ndarray]
@@ -123,13 +128,15 @@ Filter = Callable[[np.ndarray, np.ndarray, float], np.ndarray]
 
 
 def _each(
-    motion: Motion, filtered: Filter, least: tuple[float, float, float]
+    measured: Measured, filtered: Filter, least: tuple[float, float, float]
 ) -> Motion:
     """Filter joints, and place and rotation of the base, each by itself."""
-    times = motion.times
+    motion, times = measured.motion, measured.motion.times
     if len(times) < AROUND + 2:
         return motion
-    positions = filtered(motion.positions, times, least[0])
+    before, (lower, upper) = motion.positions, _limits(measured.joints)
+    positions = filtered(before, times, least[0])
+    positions = positions.clip(np.minimum(lower, before), np.maximum(upper, before))
     bases = motion.base_poses
     if bases is not None:
         places = filtered(bases[:, :3], times, least[1])
@@ -140,7 +147,7 @@ def _each(
         turns = filtered(even, times, least[2] / 2.0)
         turns = turns / np.linalg.norm(turns, axis=1, keepdims=True)
         bases = np.concatenate([places, turns], axis=1)
-    if np.array_equal(positions, motion.positions) and (
+    if np.array_equal(positions, before) and (
         bases is None or np.abs(bases - motion.base_poses).max() < 1e-12
     ):
         return motion
