@@ -184,6 +184,13 @@ def test_velocities_stay_those_of_the_positions():
     )
     rates = np.gradient(found.positions, found.times, axis=0)
     np.testing.assert_allclose(found.velocities, rates, atol=1e-9)
+    clean = ROBOT.read_motion("squat.csv")
+    clean = replace(clean, velocities=np.gradient(clean.positions, 0.02, axis=0))
+    glitch = replace(clean, positions=clean.positions.copy())
+    glitch.positions[50, 20] += 1.0
+    found = ROBOT.mended(glitch)
+    assert found.certificate.failures == (1, 0) and found.after.findings == ()
+    np.testing.assert_allclose(found.motion.velocities, clean.velocities, atol=1e-12)
 
 
 def test_what_feet_do_on_the_floor_is_found_once_they_are_there():

@@ -20,6 +20,7 @@ from g1_description.motion.history import CommandStream
 from g1_description.motion.history_chunks import Stretch
 from g1_description.motion.motion import Motion
 from g1_description.motion.tracking import FallDetector, FallLimits
+from g1_description.robot.description import limits_of
 from g1_description.robot.dynamics import GRAVITY
 from g1_description.robot.transform import compose, inverse
 from g1_description.sim.rollout import Rollout
@@ -93,12 +94,16 @@ class Run:
 
     @property
     def errors(self) -> np.ndarray:
-        """Return positions minus commands within limits, in [rad] or [m], (n, m)."""
-        limits = [(joint.lower, joint.upper) for joint in self.joints]
-        lower, upper = np.array(limits).reshape(-1, 2).T
-        return np.asarray(
-            self.states.positions[:, self._columns] - self.desired.clip(lower, upper)
+        """Return positions minus commands in [rad] or [m], shape (n, m).
+
+        Commands beyond the limits of a joint are those to its limits, if it is there.
+        """
+        now, (lower, upper) = (
+            self.states.positions[:, self._columns],
+            limits_of(self.joints),
         )
+        lower, upper = np.minimum(lower, now), np.maximum(upper, now)
+        return np.asarray(now - self.desired.clip(lower, upper))
 
     @property
     def held(self) -> np.ndarray:

@@ -149,5 +149,4 @@ def long_still(times: np.ndarray, is_still: np.ndarray) -> np.ndarray:
         times: Times of the samples in [s], shape (n,).
         is_still: Where the robot is still, shape (n,).
     """
-    shortest = min(STILL_TIME, float(times[-1] - times[0]))
-    return without_short(times, is_still, shortest)
+    return without_short(times, is_still, STILL_TIME)

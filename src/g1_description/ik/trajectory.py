@@ -97,8 +97,8 @@ DIFFERENT = 0.3
 """Difference in a joint from which on a configuration is another one, likewise."""
 
 REPEATS = 4
-"""Most repeats with limits where they were exceeded. The last one begins within them,
-and again at rest if that does not help."""
+"""Most repeats with limits where they were exceeded. The last one begins within them;
+if that does not help, one more begins at rest, and the better one is taken."""
 
 DEEP = 5e-3
 """Excess over a limit that makes the last repeat necessary, in [m]."""
@@ -205,7 +205,7 @@ class Trajectory:
             if is_within or begins == []:
                 break
             near = np.flatnonzero(np.isin(periods, periods[beyond]))
-            begin = found.view.control
+            begin, before, is_again = found.view.control, found, begins is not None
             if is_late:
                 self._steps_left = LAST_STEPS
                 if begins is None:
@@ -214,6 +214,10 @@ class Trajectory:
                     near, begin = self._splines.rows(0.5 * PERIOD), begins.pop()
             self._limited = np.union1d(self._limited, near)
             found = self.improved(self._state(begin))
+            if is_again:
+                self._limited = np.arange(len(times))
+                costs = [self._state(one.view.control).cost for one in (before, found)]
+                found = before if costs[0] < costs[1] else found
         return found, samples
 
     def _within(self, control: np.ndarray) -> np.ndarray:

@@ -25,9 +25,9 @@ MOMENT, NEAR = 0.5, 0.04
 """A robot that has no contact for less than this time in [s], and a link as near to the
 floor, in [m], stands on it."""
 
-BRIEF = 0.06
-"""What a foot does is dropped if it did and does something else this time apart, in
-[s]."""
+BRIEF = 0.065
+"""Moments in which a foot does not stand, or is lifted, are ignored if the samples
+before and after are at most this far apart, in [s]."""
 
 MOST_POINTS = 12
 """Most points of a link that are looked at: those that are the lowest most often."""

@@ -13,6 +13,7 @@ from g1_description.checks.support import nearest_point, support_margin, support
 from g1_description.mend.body import N_BASE, Change, changed
 from g1_description.mend.contacts import LOW, placed_points, stances
 from g1_description.motion.motion import Motion
+from g1_description.robot.description import limits_of
 from g1_description.robot.jacobians import Jacobians
 from g1_description.robot.transform import compose, inverse
 
@@ -166,9 +167,7 @@ class Correction:
 
         What is not corrected may stay as far beyond them as it was.
         """
-        joints, was = self._robot.joints, self._positions[rows]
-        lower = np.array([joint.lower for joint in joints])
-        upper = np.array([joint.upper for joint in joints])
+        (lower, upper), was = limits_of(self._robot.joints), self._positions[rows]
         alone = self.excluded[rows, np.newaxis] | ~self._moved
         alone |= "limits" not in self._parts
         return (

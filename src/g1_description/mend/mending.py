@@ -44,9 +44,9 @@ LARGER = 1.1
 NEEDED = ("skating", "center_of_mass")
 """Checks that measure what corrections need: the ground and balance."""
 
-WIDTHS = (0.2, 0.4, 0.8)
-"""Nothing is corrected this near to where the first, second and third try changed too
-much or made something worse, in [s]."""
+WIDTHS = (0.2, 0.4)
+"""Nothing is corrected this near to where the first and the second of three tries
+changed too much or made something worse, in [s]."""
 
 AWAY = 0.01
 """The base keeps near its path if it would else be this far from it, rms in [m]."""
@@ -84,8 +84,9 @@ def mended(
 ) -> Mended:
     """Remove the findings of a motion by small changes.
 
-    Parts are tried where checks found something, and kept if no check has a new failure
-    or one that is larger by a tenth. This ends when none is kept.
+    A motion above or below the floor is put there first. Parts are tried where checks
+    found something, and kept if no check has a new failure or one that is larger by a
+    tenth. This ends when none is kept.
 
     Args:
         checker: The checks.
@@ -119,9 +120,9 @@ def mending_steps(
     after, verdict, left = mending.now
     is_free = options.max_change == options.max_base == np.inf
     why = STAYS if is_free else BEYOND
-    if mending.worse:
-        why += f" and makes nothing else worse, such as {listed(sorted(mending.worse))}"
     reasons = [*_reasons(verdict, parts, why)]
+    if reasons and mending.worse:
+        reasons.append(f"changes that were tried made {listed(mending.worse)} worse")
     if left:
         spans = listed([f"{begin:.2f} to {end:.2f} s" for begin, end in left])
         far = "" if is_free else "are larger than allowed, or "
@@ -182,19 +183,17 @@ class _Mending:
         self.before = self.now.verdict
         self._lower()
         self._first = self.now.verdict
-        self.worse: set[str] = set()
-        """Checks that changes made worse which were not kept since the last one."""
+        """The verdict on the motion, or on that on the floor."""
+        self.worse: dict[str, None] = {}
+        """Checks that tries of the last ``next`` made worse."""
 
     def _lower(self) -> None:
         """Put the motion on the floor; what feet do there is only known then."""
-        if "floor" in self._due(self.now):
-            found = self._filtered(self.now, "floor")
-            failures = [
-                sum(one.severity == FAILED for one in state.verdict.findings)
-                for state in (self.now, found or self.now)
-            ]
-            if found and failures[1] < failures[0]:
-                self.now = found
+        is_due = "floor" in self._due(self.now)
+        found = self._filtered(self.now, "floor") if is_due else None
+        rows = rows_of(self.now.verdict, found.verdict) if found else ()
+        if found and sum(row.failures[1] - row.failures[0] for row in rows) < 0:
+            self.now = found
 
     def next(self) -> _State | None:
         """Return a better motion; None if there is none.
@@ -258,7 +257,7 @@ class _Mending:
     def _worse_at(self, verdict: Verdict) -> list[Span]:
         """List the intervals of failures that were not there, or were smaller."""
         found = [*_worse(self._first, verdict), *_worse(self.now.verdict, verdict)]
-        self.worse |= {finding.check for finding in found}
+        self.worse.update(dict.fromkeys(finding.check for finding in found))
         return [span for finding in found for span in finding.intervals]
 
     def _filtered(self, state: _State, part: str) -> _State | None:
@@ -283,7 +282,7 @@ class _Mending:
             rows = np.arange(len(motion.times))
         measured = self._at(state, rows)
         correction = Correction(measured, parts, self._options.keep_hands, keeps_base)
-        for width in WIDTHS:
+        for width in (*WIDTHS, 0.0):
             found = spread(motion, rows, correction.find(), measured.joints)
             found = _with_velocities(motion, found)
             far = _far(self._given, found, self._options)
@@ -310,11 +309,17 @@ class _Mending:
 
 
 def _with_velocities(before: Motion, after: Motion) -> Motion:
-    """Change known velocities by the rates of the changes of positions."""
-    rates = before.velocities
-    if rates is not None and len(before.times) > 1:
-        change = after.positions - before.positions
-        rates = rates + np.gradient(change, before.times, axis=0)
+    """Change known velocities as positions change, or not if that fits these better."""
+    rates, times = before.velocities, before.times
+    if rates is not None and len(times) > 1:
+        old, new = (
+            np.gradient(motion.positions, times, axis=0) for motion in (before, after)
+        )
+        changed = rates + new - old
+        is_nearer = ((changed - new) ** 2).sum(axis=0) < ((rates - new) ** 2).sum(
+            axis=0
+        )
+        rates = np.where(is_nearer, changed, rates)
     return replace(after, velocities=rates)
 
 

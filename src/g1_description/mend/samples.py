@@ -17,7 +17,7 @@ from g1_description.checks.measured import Measured
 from g1_description.mend.body import changed
 from g1_description.motion.edit import moved
 from g1_description.motion.motion import Motion
-from g1_description.robot.description import Joint
+from g1_description.robot.description import Joint, limits_of
 from g1_description.robot.rotation import conjugate, multiply, to_rotation_vector
 from g1_description.robot.transform import IDENTITY
 
@@ -80,7 +80,7 @@ def spread(
     change = np.concatenate([places, turns, found.positions - was], axis=1)
     spline = CubicSpline(found.times, change)(motion.times)
     bases, positions = changed(bases, motion.positions, spline)
-    lower, upper = _limits(joints)
+    lower, upper = limits_of(joints)
     beyond = found.positions != found.positions.clip(lower, upper)
     stays = interp1d(found.times, beyond.astype(float), axis=0)(motion.times) > 0.0
     positions = np.where(stays, positions, positions.clip(lower, upper))
@@ -90,12 +90,6 @@ def spread(
         velocities=None,
         base_poses=None if new is None else bases,
     )
-
-
-def _limits(joints: Sequence[Joint]) -> np.ndarray:
-    """Return lower and upper limits, shape (2, n)."""
-    limits = [(joint.lower, joint.upper) for joint in joints]
-    return np.array(limits).reshape(-1, 2).T
 
 
 def on_floor(measured: Measured) -> Motion:
@@ -134,7 +128,7 @@ def _each(
     motion, times = measured.motion, measured.motion.times
     if len(times) < AROUND + 2:
         return motion
-    before, (lower, upper) = motion.positions, _limits(measured.joints)
+    before, (lower, upper) = motion.positions, limits_of(measured.joints)
     positions = filtered(before, times, least[0])
     positions = positions.clip(np.minimum(lower, before), np.maximum(upper, before))
     bases = motion.base_poses

@@ -255,6 +255,12 @@ OTHER = "joints"
 _SIDES = {"left": "left ", "l": "left ", "right": "right ", "r": "right "}
 
 
+def limits_of(joints: Iterable[Joint]) -> np.ndarray:
+    """Return lower and upper limits in [rad] or [m], shape (2, n_joints)."""
+    limits = [(joint.lower, joint.upper) for joint in joints]
+    return np.array(limits, dtype=float).reshape(-1, 2).T
+
+
 def limb_of(name: str) -> str:
     """Return the limb of a joint, such as ``left leg``; ``joints`` if unknown."""
     words = re.findall("[a-z]+", name.lower())
