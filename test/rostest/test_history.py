@@ -287,6 +287,12 @@ class TestHistory(unittest.TestCase):
             angle = 0.1 * (number + 1)
             commands.publish(JointState(name=[ELBOW], position=[angle]))
             heard.wait(lambda m, at=angle: abs(position_of(m, ELBOW) - at) < 1e-6)
+
+            def is_commanded(at=angle):  # motors are heard after their states
+                kept = client.at(client.part().last).stretch
+                return kept.commanded[-1, kept.commanded_names.index(ELBOW)] == at
+
+            wait_for(is_commanded, "the command in the history")
             process.send_signal((signal.SIGINT, signal.SIGTERM)[number % 2])
             output, _ = process.communicate()
             self.assertEqual(f"is in {last}" in output, number > 0)
