@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 pytest.importorskip("rosbag", reason="rosbag is not installed")
+pytest.importorskip("tf2_ros", reason="tf2_ros is not installed")
 
 import rosbag
 from genpy import Time

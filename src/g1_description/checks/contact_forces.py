@@ -154,7 +154,7 @@ def contact_forces(measured: Measured, is_known: np.ndarray) -> ContactForces:
     unknown = ~is_known
     for array in (forces, needed, missing, share):
         array[unknown] = np.nan
-    efforts[~(share < DETERMINED)] = np.nan
+    efforts[~(np.nan_to_num(share, nan=np.inf) < DETERMINED)] = np.nan
     up = np.where(forces[..., 2:] > 0.0, forces[..., 2:], np.nan)
     names = tuple(joint.name for joint in robot.joints)
     return ContactForces(
