@@ -95,7 +95,8 @@ def test_a_motion_is_fixed_downloaded_and_given_back(page, tmp_path):
     client.set("Time", 5.2)
     wait_for(lambda: page.show.motion.player.time == 5.2, "the time")
     client.press("Fix")
-    page.wait_for_words("failures left: 6", "Fixed. Failures: 6 before, 0 after.")
+    page.wait_for_words("Fixing ... failures left: 6")
+    page.wait_for_words("Fixed. Failures: 6 before, 0 after.", "Changes")
     client.wait_for(lambda: not client.says("failed: "), "no failures")
     wait_for(lambda: page.robot in page.show.motion.verdicts, "its verdict")
     assert page.show.motion.verdicts[page.robot].passed
