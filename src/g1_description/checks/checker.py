@@ -51,7 +51,7 @@ from g1_description.motion.motion import (
     configuration,
 )
 from g1_description.robot.assembly import limbs_of
-from g1_description.robot.description import Description
+from g1_description.robot.description import Description, limits_of
 from g1_description.robot.state import RobotState
 from g1_description.scenes.carried import named_link
 from g1_description.scenes.scene import Scene
@@ -324,8 +324,7 @@ class Checker:
 def _figures(measured: Measured) -> dict[str, float]:
     """Compute the figures of a motion."""
     joints, positions = measured.joints, measured.motion.positions
-    lower = np.array([joint.lower for joint in joints])
-    upper = np.array([joint.upper for joint in joints])
+    lower, upper = limits_of(joints)
     beyond = ((positions < lower) | (positions > upper)).any(axis=1)
     turns = [joint.kind != "prismatic" for joint in joints]
     speeds, balance = np.abs(measured.velocities[:, turns]), measured.balance

@@ -92,16 +92,14 @@ class Run:
         self.end, self.failure = np.nan, ""
         """When it failed in [s], and what did."""
 
-    @property
+    @cached_property
     def errors(self) -> np.ndarray:
         """Return positions minus commands in [rad] or [m], shape (n, m).
 
         Commands beyond the limits of a joint are those to its limits, if it is there.
         """
-        now, (lower, upper) = (
-            self.states.positions[:, self._columns],
-            limits_of(self.joints),
-        )
+        now = self.states.positions[:, self._columns]
+        lower, upper = limits_of(self.joints)
         lower, upper = np.minimum(lower, now), np.maximum(upper, now)
         return np.asarray(now - self.desired.clip(lower, upper))
 

@@ -26,7 +26,7 @@ from g1_description.errors import AllowedPairsError, InvalidValueError
 from g1_description.files.model_files import PACKAGE, find_folder, ros_home
 from g1_description.files.uris import local_path
 from g1_description.robot.assembly import bodies_of
-from g1_description.robot.description import Description
+from g1_description.robot.description import Description, limits_of
 from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.transform import IDENTITY
 from g1_description.robot.tree import below
@@ -237,8 +237,7 @@ def _ranges(description: Description) -> tuple[np.ndarray, np.ndarray]:
     """Return limits of joints in [rad] or [m], with a usual range for missing ones."""
     joints = description.movable_joints
     usual = [REACH if joint.kind == "prismatic" else np.pi for joint in joints]
-    lower = np.array([joint.lower for joint in joints])
-    upper = np.array([joint.upper for joint in joints])
+    lower, upper = limits_of(joints)
     return (
         np.where(np.isfinite(lower), lower, np.minimum(upper, 0.0) - usual),
         np.where(np.isfinite(upper), upper, np.maximum(lower, 0.0) + usual),

@@ -60,7 +60,7 @@ from g1_description.ik.targets import (
 )
 from g1_description.ik.tasks import LinkTask
 from g1_description.robot.assembly import WORLD, root_in_base
-from g1_description.robot.description import Description
+from g1_description.robot.description import Description, limits_of
 from g1_description.robot.jacobians import Jacobians
 from g1_description.robot.launch_arguments import FEET
 from g1_description.robot.transform import compose, inverse
@@ -101,8 +101,7 @@ class InverseKinematics:
         self._solver = IkSolver(description)
         joints = description.movable_joints
         self._names = tuple(joint.name for joint in joints)
-        self._lower = np.array([joint.lower for joint in joints])
-        self._upper = np.array([joint.upper for joint in joints])
+        self._lower, self._upper = limits_of(joints)
         speed = np.array([joint.velocity for joint in joints], dtype=float)
         self._stays = speed == 0.0
         self._speed = np.where(self._stays, np.inf, speed)

@@ -23,7 +23,7 @@ from g1_description.motion.edit import projected
 from g1_description.motion.motion import Motion
 from g1_description.robot.arrays import as_array, as_numbers, one_pose
 from g1_description.robot.assembly import WORLD, root_in_base
-from g1_description.robot.description import Description
+from g1_description.robot.description import Description, limits_of
 from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.launch_arguments import FEET
 from g1_description.robot.poses import (
@@ -196,8 +196,7 @@ def _placed(robot: Description, entry: Any) -> tuple[np.ndarray, np.ndarray | No
         raise InvalidValueError(
             f"Positions must be a single configuration (got shape {positions.shape})."
         )
-    lower, upper = [joint.lower for joint in joints], [joint.upper for joint in joints]
-    positions = np.clip(positions, lower, upper)
+    positions = np.clip(positions, *limits_of(joints))
     return positions, None if base is None else one_pose(base)
 
 

@@ -21,7 +21,7 @@ from g1_description.ik.solver import TOLERANCE
 from g1_description.motion.edit import minimum_jerk_fraction
 from g1_description.motion.motion import Motion
 from g1_description.robot.assembly import root_in_base
-from g1_description.robot.description import Description
+from g1_description.robot.description import Description, limits_of
 from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.rotation import angle_between
 from g1_description.robot.transform import compose
@@ -128,11 +128,8 @@ class _Between:
         speed = np.array([joint.velocity for joint in joints])
         self._speed = SPEED_SHARE * np.where(speed > 0.0, speed, np.inf)
         self.bases = _continuous(np.array([frame.base for frame in keyframes]))
-        self.positions = np.clip(
-            np.array([frame.positions for frame in keyframes]),
-            np.array([joint.lower for joint in joints]),
-            np.array([joint.upper for joint in joints]),
-        )
+        positions = np.array([frame.positions for frame in keyframes])
+        self.positions = np.clip(positions, *limits_of(joints))
         links = [name for name in robot.link_names if name in inverse.links]
         roots = compose(self.bases, root_in_base(robot))
         poses = Kinematics(robot).link_poses(roots, self.positions)

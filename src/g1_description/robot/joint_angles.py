@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from g1_description.robot.assembly import reference_links
-from g1_description.robot.description import Description, Joint
+from g1_description.robot.description import Description, Joint, limits_of
 from g1_description.robot.rotation import cross, multiply, relative, rotate, swing_twist
 from g1_description.robot.transform import compose, inverse
 
@@ -130,8 +130,7 @@ def measured_joints(
         axis = rotate(T_reference_child[3:], joint.axis)
         rows.append((joint, index[parent], index[child], zero, axis))
     joints = [joint for joint, *_ in rows]
-    lower = np.array([joint.lower for joint in joints])
-    upper = np.array([joint.upper for joint in joints])
+    lower, upper = limits_of(joints)
     turns = np.array([joint.kind != "prismatic" for joint in joints], dtype=bool)
     return MeasuredJoints(
         names=tuple(joint.name for joint in joints),

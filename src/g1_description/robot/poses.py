@@ -27,7 +27,7 @@ from g1_description.errors import (
 from g1_description.files.atomic import write_whole
 from g1_description.files.model_files import PACKAGE, ros_home, share_folder
 from g1_description.files.yaml import finite_number, yaml_problem
-from g1_description.robot.description import Description, Joint
+from g1_description.robot.description import Description, Joint, limits_of
 from g1_description.text import listed, similar_first
 
 
@@ -118,9 +118,7 @@ def pose_positions(pose: Pose, description: Description) -> np.ndarray:
     """
     joints = description.movable_joints
     positions = np.array([pose.positions.get(joint.name, 0.0) for joint in joints])
-    lower = np.array([joint.lower for joint in joints])
-    upper = np.array([joint.upper for joint in joints])
-    return np.clip(positions, lower, upper)
+    return np.clip(positions, *limits_of(joints))
 
 
 def fits(pose: Pose, description: Description) -> bool:

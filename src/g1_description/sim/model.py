@@ -13,7 +13,7 @@ from g1_description.bounds import MAX_VALUE
 from g1_description.errors import InvalidValueError
 from g1_description.motion.playlist import Setpoint
 from g1_description.robot.assembly import WORLD, Assembly
-from g1_description.robot.description import Link
+from g1_description.robot.description import Link, limits_of
 from g1_description.robot.kinematics import Kinematics
 from g1_description.robot.rotation import cross, rotate
 from g1_description.robot.transform import IDENTITY, compose, inverse
@@ -81,8 +81,7 @@ class Model:
         self.initial_pose = np.array(pose)
         self.link_names = assembly.link_names
         self.joint_names = tuple(joint.name for joint in joints)
-        self.lower = np.array([joint.lower for joint in joints])
-        self.upper = np.array([joint.upper for joint in joints])
+        self.lower, self.upper = limits_of(joints)
         self._link_rows = {name: row for row, name in enumerate(self.link_names)}
         self._joint_rows = {name: row for row, name in enumerate(self.joint_names)}
         self.kinematics = Kinematics(description) if self.link_names else None

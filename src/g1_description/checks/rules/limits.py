@@ -13,15 +13,15 @@ from g1_description.checks.thresholds import Level, Thresholds
 from g1_description.checks.verdict import BY_TIME, Finding
 from g1_description.errors import ThresholdError
 from g1_description.motion.motion import Motion
-from g1_description.robot.description import Description, Joint
+from g1_description.robot.description import Description, Joint, limits_of
 from g1_description.text import listed, similar_first
 
 
 def _positions(rule: Rule, measured: Measured) -> Iterator[Finding | None]:
     """Compare positions with their limits."""
     joints, positions = measured.joints, measured.positions
-    above = positions - np.array([joint.upper for joint in joints])
-    below = np.array([joint.lower for joint in joints]) - positions
+    lower, upper = limits_of(joints)
+    above, below = positions - upper, lower - positions
     sizes = np.maximum(above, below)
     for column in rule.columns(measured, sizes):
         joint = joints[column]
