@@ -271,7 +271,9 @@ class Measured:
             missing base is at the map's origin.
         """
         found = sample(self.motion, times)
-        means = sample(replace(self.motion, velocities=None), times).velocities
+        means = found.velocities
+        if self.motion.velocities is not None:
+            means = sample(replace(self.motion, velocities=None), times).velocities
         positions = np.zeros((2, len(times), len(self.robot.joints)))
         positions[0][:, self._columns] = found.positions
         positions[1][:, self._columns] = means

@@ -315,11 +315,8 @@ def _with_velocities(before: Motion, after: Motion) -> Motion:
         old, new = (
             np.gradient(motion.positions, times, axis=0) for motion in (before, after)
         )
-        changed = rates + new - old
-        is_nearer = ((changed - new) ** 2).sum(axis=0) < ((rates - new) ** 2).sum(
-            axis=0
-        )
-        rates = np.where(is_nearer, changed, rates)
+        fits_old, fits_new = (((rates - v) ** 2).sum(axis=0) for v in (old, new))
+        rates = np.where(fits_old < fits_new, rates + new - old, rates)
     return replace(after, velocities=rates)
 
 
